@@ -20,7 +20,13 @@ from watermark.audio.follow.attempt import (
 )
 from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.hunting import HypothesisHunter
-from watermark.audio.follow.purse import DUE, DecodingPurse, Ventures
+from watermark.audio.follow.purse import (
+    DUE,
+    FAILED_BEFORE_GUESSING,
+    SEARCH,
+    DecodingPurse,
+    Ventures,
+)
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
@@ -43,11 +49,8 @@ MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
 HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
-"""Sound that is kept while locked, enough to search again from a superframe that failed, and while
-searching, for what may be read of it once the sound is understood."""
-
-FAILED_BEFORE_GUESSING = 3
-"""Superframes in a row that fail at a known place before guesses are tried."""
+"""Sound that is kept while superframes are read, enough to search again from one that failed, and
+while hunting, for what may be read of it once the sound is understood."""
 
 
 class AudioReceiver:
@@ -161,25 +164,30 @@ class AudioReceiver:
         list of ReceivedSuperframe
         """
         padding = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
-        return self.process(np.zeros((padding, self._channels), dtype=np.float32))
+        found = self.process(np.zeros((padding, self._channels), dtype=np.float32))
+        return found + self._follower.read_past(self._tape, whole=True)
 
     def _step(self) -> list[ReceivedSuperframe]:
         found: list[ReceivedSuperframe] = []
         self._purse.earn(self._quantum / self._fs)
         self._ventures.earn(self._quantum / self._fs)
         self._ring.extend(self._tape, self._mix, self._now)
+        if self._search is not None:
+            self._purse.charge(SEARCH * self._quantum / self._fs)
         while (candidate := self._next_candidate()) is not None:
             found += self._try(candidate)
         while self._follower.complete(self._tape):
             found += self._follow()
         while self._stretched.complete(self._tape):
             found += self._follow_stretched()
+        found += self._follower.read_past(self._tape)
         misses = min(self._follower.misses, self._stretched.misses)
         if misses >= FAILED_BEFORE_GUESSING and self._guessing:
             found += self._hunt()
-        kept_s = LONG_HISTORY_S if self._follower.track is None else HISTORY_S
-        for tape in (self._tape, self._ring):
-            tape.forget(self._now - int(kept_s * self._fs))
+        kept_s = HISTORY_S if self._follower.misses < FAILED_BEFORE_GUESSING else LONG_HISTORY_S
+        if not self._follower.remembers:
+            for tape in (self._tape, self._ring):
+                tape.forget(self._now - int(kept_s * self._fs))
         return found
 
     def _use(self, mix: ChannelMix) -> None:
@@ -219,7 +227,7 @@ class AudioReceiver:
 
     def _kept(self) -> float:
         """Part of the savings that candidates leave for superframes which are due."""
-        return 0.0 if self._follower.track is None else DUE
+        return DUE if self._follower.misses < FAILED_BEFORE_GUESSING else 0.0
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
         """Decode at a candidate of the usual search, and lock there if the check accepts it."""
@@ -243,7 +251,7 @@ class AudioReceiver:
         self._use(found.mix)
         self._follower.track = None
         self._locked_to(self._stretched.profile)
-        return self._follower.note(found.superframes)
+        return self._follower.end_past() + self._follower.note(found.superframes)
 
     def _follow_stretched(self) -> list[ReceivedSuperframe]:
         """Read the superframe of stretched sound that is due; give the lock up where none is."""

@@ -5,7 +5,7 @@ import pytest
 
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
-from watermark.audio.follow.purse import DEEPEST, EARNED, SAVED_S, DecodingPurse, Ventures
+from watermark.audio.follow.purse import EARNED, SAVED, DecodingPurse, Ventures
 from watermark.audio.follow.retries import Retries
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
@@ -93,18 +93,18 @@ def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
         purse.earn(0.64)
         while purse.pays(16.5):
             paid += 16.5
-    assert paid <= EARNED * (SAVED_S + 640.0)
+    assert paid <= SAVED + EARNED * 640.0
     assert paid > 0.9 * EARNED * 640.0
     assert purse.untried == 1000
     with purse.keeping(0.5):
-        assert not purse.affords(0.5 * EARNED * SAVED_S)
+        assert not purse.affords(0.5 * SAVED)
     before = purse.balance
     purse.charge(10.0)
     assert purse.balance == before - 10.0
     purse.charge(1e6)
-    assert purse.balance == DEEPEST
+    assert purse.balance == -SAVED
     assert not purse.pays(1.0)
-    debt_s = -DEEPEST / EARNED
+    debt_s = SAVED / EARNED
     purse.earn(debt_s + 0.1)
     assert purse.pays(1.0)
 
@@ -120,7 +120,7 @@ def test_candidates_that_leave_no_doubt_are_not_free() -> None:
             with ventures.attempt(9.0, 5.0):
                 while purse.pays(6.0):
                     spent += 6.0
-    assert 0.9 * EARNED * 100 < spent < EARNED * (SAVED_S + 100)
+    assert 0.9 * EARNED * 100 < spent < SAVED + EARNED * 100
 
 
 def test_the_kind_of_attempt_that_succeeds_comes_first() -> None:

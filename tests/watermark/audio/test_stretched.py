@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tests.watermark.audio.test_carrier import embed, host, payload
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.place_projections import PlaceProjections
+from watermark.audio.follow.purse import EARNED, SAVED
 from watermark.audio.follow.stretched_path import Paths
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.sound_ring import Stretch
@@ -38,7 +39,7 @@ def in_pieces(x: NDArray[np.float32], dropped: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=1)
 def marked() -> NDArray[np.float32]:
-    return embed(host(6.0, channels=1, seed=5))
+    return embed(host(8.5, channels=1, seed=3))
 
 
 def stretch(sound: NDArray[np.float64]) -> Stretch:
@@ -61,6 +62,18 @@ def test_pieces_are_followed(dropped: int, blocks: list[int]) -> None:
     read = [l0 for l0, _, _ in results[0] if l0 is not None]
     assert len(set(read)) == len(read) >= 5
     assert all(l0 in sent and l1 in (None, sent[l0]) for l0, l1, _ in results[0] if l0 is not None)
+
+
+def test_no_second_costs_more_than_the_purse_gives() -> None:
+    heard = in_pieces(marked().copy(), 400)
+    heard += np.random.default_rng(0).normal(0, 0.002, heard.shape).astype(np.float32)
+    receiver, spent = AudioReceiver(FS, 1), [0.0]
+    for first in range(0, len(heard), FS // 5):
+        receiver.process(heard[first : first + FS // 5])
+        spent.append(receiver._purse.spent)
+    assert spent[-1] > 0.3 * EARNED * len(heard) / FS
+    assert np.max(np.subtract(spent[5:], spent[:-5])) < EARNED + SAVED
+    assert receiver.untried
 
 
 def test_sound_without_a_mark_tells_of_no_path() -> None:

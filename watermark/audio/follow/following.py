@@ -6,7 +6,7 @@ decoded. Cost: two views and a fit for a superframe that is read; what one that 
 the purse's affair. Specification: spec/audio-carrier.md, W36 and W37.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,17 @@ from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
 from watermark.audio.follow.attempt import AcceptedAttempt
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
-from watermark.audio.follow.purse import BESIDE, ELSEWHERE, DecodingPurse
+from watermark.audio.follow.purse import (
+    BESIDE,
+    ELSEWHERE,
+    FAILED_BEFORE_GUESSING,
+    FOLLOWED,
+    LOCKED_IN,
+    LOST,
+    READ_BACK,
+    VIEW,
+    DecodingPurse,
+)
 from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
 from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
@@ -36,6 +46,44 @@ LOCK_IN = (
 SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
 """A search that ends within so many samples of the place expected, and with a ratio that differs by
 a smaller part from what was expected, has found nothing new."""
+
+
+LATEST_S = 4.0
+"""Sound after a lock at the end of which what was not read of the past by then is left out."""
+
+
+@dataclass(slots=True)
+class _Past:
+    """Superframes on air before a lock, which are read as the purse pays for them.
+
+    Attributes
+    ----------
+    track : Track
+        The last one that was looked at.
+    first : float
+        Where the earliest may begin.
+    until : float
+        Place of the tape's end up to which the rest is waited for.
+    failed : int
+        Superframes that failed since the last one that was read.
+    read : list of ReceivedSuperframe
+        In their order.
+    later : list of ReceivedSuperframe
+        Those read since the lock, which are handed out after the past.
+    """
+
+    track: Track
+    first: float
+    until: float
+    failed: int = 0
+    read: list[ReceivedSuperframe] = field(default_factory=list)
+    later: list[ReceivedSuperframe] = field(default_factory=list)
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is left to be read."""
+        track = self.track
+        return self.failed >= UNREADABLE or track.position - SUPERFRAME * track.ratio < self.first
 
 
 class TrackFollower:
@@ -65,6 +113,12 @@ class TrackFollower:
         self.track: Track | None = None
         self.last_start = self.last_told = -np.inf
         self._errors = self._counted = 0
+        self._past: _Past | None = None
+
+    @property
+    def remembers(self) -> bool:
+        """Whether sound before the lock is still to be read."""
+        return self._past is not None
 
     @property
     def ber_estimate(self) -> float | None:
@@ -109,36 +163,61 @@ class TrackFollower:
                     equaliser=track.equaliser, offset=track.offset, pair=track.pair,
                 )  # fmt: skip
                 self._reader.nudge(track, delay)
-        self.track = track
-        return [*self._read_back(tape, track), self._deliver(track, reading)]
-
-    def _read_back(self, tape: StereoBuffer, track: Track) -> list[ReceivedSuperframe]:
-        """Read superframes that were on air before one that was found.
-
-        Behind one that failed there may have been no mark: the next ones are read in brief.
-        """
-        found: list[ReceivedSuperframe] = []
-        past, failed = replace(track, bend=0.0), 0
+        before = self.end_past()
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
         first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
-        while failed < UNREADABLE:
-            past.position -= SUPERFRAME * past.ratio
-            if past.position < first:
-                break
-            raw = self._reader.view(tape, past)
-            reading = self._reader.read(tape, past, raw, due=False, brief=failed > 0)
-            if reading.decoded.l0 is None and not failed:
-                for moved in self._reader.elsewhere(tape, past, raw):
-                    again = self._reader.view(tape, moved)
-                    reading = self._reader.read(tape, moved, again, due=False)
-                    if reading.decoded.l0 is not None:
-                        past, raw = moved, again
-                        break
-            failed = 0 if reading.decoded.l0 is not None else failed + 1
-            if not failed:
-                found.insert(0, received(past, reading, self._fs))
-                self._reader.learn_back(past, raw, reading)
-        return found
+        until = tape.end + LATEST_S * self._fs
+        self.track, self._past = track, _Past(replace(track, bend=0.0), first, until)
+        self._hold([self._deliver(track, reading)])
+        return [*before, *self.read_past(tape)]
+
+    def _hold(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
+        """Keep superframes until those before the lock are read."""
+        if self._past is None:
+            return found
+        self._past.later += found
+        return []
+
+    def end_past(self) -> list[ReceivedSuperframe]:
+        """Read no more of what was on air before the lock; hand out what was read since."""
+        past, self._past = self._past, None
+        return [] if past is None else [*past.read, *past.later]
+
+    def read_past(self, tape: StereoBuffer, *, whole: bool = False) -> list[ReceivedSuperframe]:
+        """Read superframes that were on air before one that was found, as the purse pays.
+
+        Behind one that failed there may have been no mark: the next ones are read in brief. With
+        `whole` all are read now.
+        """
+        while (past := self._past) is not None:
+            if past.ended or (not whole and tape.end > past.until):
+                return self.end_past()
+            if not whole and not self._purse.has(READ_BACK + VIEW):
+                return []
+            self._read_before(tape, past)
+        return []
+
+    def _read_before(self, tape: StereoBuffer, job: _Past) -> None:
+        """Read the superframe before those that were looked at."""
+        past = job.track
+        self._purse.charge(READ_BACK)
+        past.position -= SUPERFRAME * past.ratio
+        raw = self._reader.view(tape, past)
+        reading = self._reader.read(tape, past, raw, due=False, brief=job.failed > 0)
+        if reading.decoded.l0 is None and not job.failed:
+            for moved in self._reader.elsewhere(tape, past, raw):
+                if not self._purse.affords(ELSEWHERE):
+                    break
+                again = self._reader.view(tape, moved)
+                reading = self._reader.read(tape, moved, again, due=False)
+                if reading.decoded.l0 is not None:
+                    job.track = past = moved
+                    raw = again
+                    break
+        job.failed = 0 if reading.decoded.l0 is not None else job.failed + 1
+        if not job.failed:
+            job.read.insert(0, received(past, reading, self._fs))
+            self._reader.learn_back(past, raw, reading)
 
     def complete(self, tape: StereoBuffer) -> bool:
         """Whether the next superframe has arrived."""
@@ -156,17 +235,19 @@ class TrackFollower:
         track = self.track
         if track is None:
             return []
+        kept = LOST if track.misses >= FAILED_BEFORE_GUESSING else 0.0
         raw = self._reader.view(tape, track)
-        reading = self._reader.read(tape, track, raw, due=True)
+        with self._purse.keeping(kept):
+            reading = self._reader.read(tape, track, raw, due=True)
         if reading.decoded.l0 is not None:
             expected = track.ratio
             self._correct(tape, track, raw, reading, wide=bool(track.bend))
             if track.bend:
                 track.bent(expected)
             self._reader.settle_pair(tape, track, reading)
-            return [self._deliver(track, reading)]
+            return self._hold([self._deliver(track, reading)])
         for moved in self._reader.elsewhere(tape, track, raw):
-            with self._purse.keeping(BESIDE):
+            with self._purse.keeping(max(BESIDE, kept)):
                 if not self._purse.affords(ELSEWHERE):
                     break
                 raw = self._reader.view(tape, moved)
@@ -177,12 +258,12 @@ class TrackFollower:
                 self._correct(tape, moved, raw, again, wide=not there)
                 if not track.misses and not there:
                     moved.bent(track.ratio)
-                return [self._deliver(moved, again)]
+                return self._hold([self._deliver(moved, again)])
         track.misses += 1
         failed = self._deliver(track, reading, told=track.misses <= patience)
         if track.misses > max(patience, REMEMBERED):
             self.track = None
-        return [failed] if track.misses <= patience else []
+        return self._hold([failed] if track.misses <= patience else [])
 
     def _correct(
         self, tape: StereoBuffer, track: Track, raw: SuperframeView, reading: SuperframeReading,
@@ -193,6 +274,7 @@ class TrackFollower:
         expected = demodulator.expected(reading.decoded)
         cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
         weighted = expected * demodulator.trust(reading)
+        self._purse.charge(LOCKED_IN if wide else FOLLOWED)
         if wide:
             for grid in LOCK_IN:
                 view = as_used(track, self._reader.view(tape, track))

@@ -5,6 +5,7 @@ Cost: `scheduler.SPEND` units of each second of sound, and the purse's payments 
 outstanding places.
 """
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,15 +18,27 @@ from watermark.audio.follow.attempt import (
     CandidateReader,
 )
 from watermark.audio.follow.following import TrackFollower
-from watermark.audio.follow.purse import DecodingPurse, Ventures
+from watermark.audio.follow.purse import (
+    HUNTED,
+    LEAST_VENTURED,
+    PIECES_LOCK,
+    DecodingPurse,
+    Ventures,
+)
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
 from watermark.audio.search.channel_mixes import MID, ChannelMix, find_mix, usual_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
 from watermark.audio.search.rotated_search import RotatedSearch
-from watermark.audio.search.scheduler import HypothesisScheduler
+from watermark.audio.search.scheduler import NOTHING, HypothesisScheduler
 from watermark.audio.search.sound_ring import SoundRing, Stretch
 from watermark.audio.search.stretch_scores import StretchScores, search_stretch, see_stretch
+from watermark.audio.search.stretched_search import (
+    LEAST,
+    LEAST_KNOWN,
+    StretchedCandidate,
+    find_stretched,
+)
 from watermark.audio.signal.profile import HOP, SUPERFRAME, TIER_LEVELS
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
@@ -38,6 +51,43 @@ SAME_PLACE = 1.0
 
 RECENT_S = 10.0
 """Sound after which a mark was read long ago."""
+
+
+DOUBT, SURE_PIECES = 10.0, 5.0
+"""Correlation of pilots that makes a candidate in pieces as likely as a deviation more of an usual
+one, and the same in these units from which it is tried with all means: unmarked sound had less."""
+
+WAITED_S = 3.0
+"""Sound for which such a candidate waits until it is paid for."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """A candidate in pieces that is to be paid for.
+
+    Attributes
+    ----------
+    candidate : StretchedCandidate
+        What was found.
+    guess : ChannelHypothesis
+        Under which.
+    mix : ChannelMix
+        In which mix.
+    tape : StereoBuffer or None
+        That of a mix which is not the usual one.
+    start, found : int
+        Where the stretch began, and ended.
+    known : bool
+        Whether a mark was read not long ago.
+    """
+
+    candidate: StretchedCandidate
+    guess: ChannelHypothesis
+    mix: ChannelMix
+    tape: StereoBuffer | None
+    start: int
+    found: int
+    known: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +138,8 @@ class HypothesisHunter:
         purse: DecodingPurse,
     ) -> None:  # fmt: skip
         self._key, self._fs, self._nominal, self._ventures = key, fs, nominal, Ventures(purse)
-        self._pieces = Ventures(purse)
+        self._pieces, self._purse = Ventures(purse), purse
+        self._waiting: _Pieces | None = None
         self._ring, self._attempts = ring, attempts
         self._follower, self._stretched = follower, stretched
         self._turned, self._scheduler = RotatedSearch(key), HypothesisScheduler(channels)
@@ -103,7 +154,14 @@ class HypothesisHunter:
         self._pieces.earn(sound_s)
         if now < self._count:
             return None
-        while (guess := self._scheduler.next(now / self._fs)) is not None:
+        if self._waiting is not None and (found := self._lock_pieces(now, tape)) is not None:
+            return found
+        while self._waiting is None:
+            with self._purse.keeping(HUNTED):
+                guess = self._scheduler.next(now / self._fs, self._purse.left)
+            if guess is None:
+                return None
+            self._purse.charge(guess.cost)
             found = self._try(guess, now, tape, mix)
             if found is not None:
                 self._scheduler.remember(guess)
@@ -120,6 +178,7 @@ class HypothesisHunter:
             found_mix = find_mix(guess.mix, self._ring.read(now - self._count, self._count))
             if found_mix is None:
                 self._scheduler.give_back(guess)
+                self._purse.charge(NOTHING - guess.cost)
                 return None
             mix = found_mix
         count = int(guess.stretch_s * self._fs)
@@ -127,14 +186,39 @@ class HypothesisHunter:
         stretch = self._ring.stretch(mix, start, count)
         if guess.kind is PilotHypothesis.STRETCHED:
             known = now - self._follower.last_start < RECENT_S * self._fs
-            low, told = stretch.low(guess.speed, guess.stretch_s), self._follower.last_told
-            longest = tape if mix == usual else stretch.tape
-            ventures = None if known else self._pieces
-            found = self._stretched.lock(low, longest, start, told, ventures=ventures)
-            return None if found is None else HuntedMark(mix, None, found)
+            low = stretch.low(guess.speed, guess.stretch_s)
+            candidate = find_stretched(self._key, low, least=LEAST_KNOWN if known else LEAST)
+            if candidate is None:
+                return None
+            likely = LEAST_VENTURED + (candidate.score - LEAST_KNOWN) / DOUBT
+            if known or self._pieces.allows(likely):
+                own = None if mix == usual else stretch.tape
+                self._waiting = _Pieces(candidate, guess, mix, own, start, now, known)
+            return None if self._waiting is None else self._lock_pieces(now, tape)
         turned = guess.kind is PilotHypothesis.TURNED
         accepted = self._try_turned(guess, stretch) if turned else self._try_plain(guess, stretch)
         return None if accepted is None else HuntedMark(mix, accepted, [])
+
+    def _lock_pieces(self, now: int, tape: StereoBuffer) -> HuntedMark | None:
+        """Try the candidate in pieces once it is paid for; give it up after a while."""
+        one = self._waiting
+        if one is None or (one.tape is None and one.start < tape.first):
+            self._waiting = None
+            return None
+        if not self._purse.has(PIECES_LOCK):
+            if now - one.found > WAITED_S * self._fs:
+                self._waiting = None
+                self._purse.untried += 1
+            return None
+        self._waiting = None
+        sound, score = one.tape or tape, one.candidate.score / DOUBT
+        with nullcontext() if one.known else self._pieces.attempt(score, SURE_PIECES):
+            locked = self._stretched.lock(one.candidate, sound, one.start)
+        if not locked:
+            return None
+        found = self._stretched.begin(sound, self._follower.last_told)
+        self._scheduler.remember(one.guess)
+        return HuntedMark(one.mix, None, found)
 
     def _try_turned(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
         """Try the likeliest places, and their neighbours, at phases of their own."""

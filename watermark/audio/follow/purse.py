@@ -1,31 +1,37 @@
-"""What may be spent on decoding where superframes fail.
+"""What a receiver may spend: one allowance for searching, hunting, reading and decoding.
 
 In: the sound that arrives, which earns an allowance; out: whether an attempt is paid for. Costs are
 counted, not measured: the same sound gives the same attempts on every machine. An unpaid attempt
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
-costs were counted; a second of sound earns a twenty-fifth of it.
+costs were counted; an AAC encode of a second of sound takes some 26. No second of sound is given
+more than `EARNED` + `SAVED`, whatever comes in.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-EARNED = 40.0
+EARNED = 75.0
 """What a second of sound pays for."""
 
-SAVED_S = 12.0
-"""Sound whose allowance is saved for superframes that fail after others that did not."""
+SAVED = 75.0
+"""What may be saved, and owed."""
 
-DEEPEST = -8.0 * EARNED
-"""Work in the unit of the others that may be owed, where it is done in any case."""
+SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 10.0, 3.0, 8.0, 4.0
+"""Costs of the usual search of a second of sound, of what a superframe that was read corrects, the
+same where place and clock are sought widely, and of a superframe of the past."""
 
 VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.5, 0.8, 1.3, 0.8, 0.8, 0.8
 """A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
-PIECES, PIECES_VIEW = 45.0, 12.0
-"""All places of a superframe's frames in sound that lies in pieces, and reading along the likeliest
-of them; the same along further ones."""
+PIECES, PIECES_LEVEL, PIECES_VIEW = 17.0, 3.5, 11.0
+"""All places of a superframe's frames in sound that lies in pieces, at one level; the path at
+another level; and reading along a path."""
+
+PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW + 5.0, 50.0
+"""What must be left for such a superframe to be looked at, and what is waited for: all levels and
+some further paths."""
 
 PATHS_COST = ((8, 0.25), (32, 0.6), (512, 6.0))
 """Decodings of a class that fail with lists of so many paths, in a mother code of `USUAL_MOTHER`
@@ -41,6 +47,13 @@ the likeliest one."""
 DUE = 0.25
 """Part of the savings that candidates leave for superframes which are due, where any are."""
 
+HUNTED, LOST = 0.4, 0.6
+"""Part of the savings that hunting leaves for attempts at what it finds, and part that superframes
+leave for hunting where `FAILED_BEFORE_GUESSING` in a row failed."""
+
+FAILED_BEFORE_GUESSING = 3
+"""Superframes in a row that fail at a known place before guesses are tried."""
+
 VENTURED, VENTURES = 3.0, 40.0
 """The same for attempts at candidates: what a second of sound pays for, and what is saved."""
 
@@ -48,9 +61,9 @@ LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
 """Significance from which a candidate is tried where all of that is saved, and from which the
 purse pays: of a hundred candidates in unmarked sound, one or two reach it."""
 
-UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 12.0, 45.0, 120.0, 7.0
-"""What an attempt may cost beyond its first decodings: by whether its pilots confirm it, and from
-which deviations on they leave no doubt."""
+UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 12.0, 40.0, 70.0, 7.0
+"""What all attempts at a candidate may cost beyond their first decodings: by whether its pilots
+confirm it, and from which deviations on they leave no doubt."""
 
 
 @dataclass(slots=True)
@@ -69,19 +82,19 @@ class DecodingPurse:
         Units kept for attempts that are likelier than the present ones.
     """
 
-    balance: float = EARNED * SAVED_S
+    balance: float = SAVED
     untried: int = 0
     spent: float = 0.0
     reserve: float = 0.0
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
-        self.balance = min(self.balance + EARNED * sound_s, EARNED * SAVED_S)
+        self.balance = min(self.balance + EARNED * sound_s, SAVED)
 
     @contextmanager
     def keeping(self, part: float) -> Iterator[None]:
         """Keep a part of the savings for attempts that are likelier."""
-        before, self.reserve = self.reserve, max(EARNED * SAVED_S * part, self.reserve)
+        before, self.reserve = self.reserve, max(SAVED * part, self.reserve)
         try:
             yield
         finally:
@@ -89,12 +102,21 @@ class DecodingPurse:
 
     def charge(self, cost: float) -> None:
         """Pay for work that is done in any case, on credit if need be."""
-        self.balance = max(self.balance - cost, DEEPEST)
+        self.balance = max(self.balance - cost, -SAVED)
         self.spent += cost
+
+    @property
+    def left(self) -> float:
+        """What may be spent on the present attempts."""
+        return self.balance - self.reserve
+
+    def has(self, cost: float) -> bool:
+        """Whether so much is left."""
+        return cost <= self.left
 
     def affords(self, cost: float) -> bool:
         """Whether an attempt could be paid; note that it is left out if not."""
-        if cost > self.balance - self.reserve:
+        if not self.has(cost):
             self.untried += 1
             return False
         return True
@@ -120,6 +142,7 @@ class Ventures:
     purse: DecodingPurse
     _left: float = VENTURES
     _paid: bool = False
+    _used: float = 0.0
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
@@ -127,7 +150,7 @@ class Ventures:
 
     def allows(self, significance: float) -> bool:
         """Whether a candidate is tried: the less is saved, the more significant it must be."""
-        self._paid = significance >= ON_CREDIT
+        self._paid, self._used = significance >= ON_CREDIT, 0.0
         if self._paid:
             return self.purse.affords(UNSURE_COST)
         doubt = (ON_CREDIT - significance) / (ON_CREDIT - LEAST_VENTURED)
@@ -138,15 +161,16 @@ class Ventures:
 
     @contextmanager
     def attempt(self, score: float, sure: float) -> Iterator[None]:
-        """Bound what an attempt costs by the score of its pilots, and pay for it."""
+        """Bound what a candidate costs by the score of its pilots, and pay for this attempt."""
         purse = self.purse
         most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
         reserve, spent = purse.reserve, purse.spent
-        purse.reserve = max(purse.balance - most, reserve)
+        purse.reserve = max(purse.balance - max(most - self._used, 0.0), reserve)
         try:
             yield
         finally:
             purse.reserve = reserve
+            self._used += purse.spent - spent
             if not self._paid:
                 self._left -= purse.spent - spent
 

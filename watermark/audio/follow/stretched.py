@@ -9,24 +9,25 @@ ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
 Specification: spec/audio-carrier.md, W48.
 """
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.purse import DEEPEST, LEAST_VENTURED, PIECES, PIECES_VIEW, Ventures
+from watermark.audio.follow.purse import (
+    PIECES,
+    PIECES_LEVEL,
+    PIECES_LOCK,
+    PIECES_READ,
+    PIECES_VIEW,
+)
+from watermark.audio.follow.retries import LONGEST_LIST_SIZE
 from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
 from watermark.audio.follow.track import Track, TrackReader, received
-from watermark.audio.search.stretched_search import (
-    LEAST,
-    LEAST_KNOWN,
-    StretchedCandidate,
-    find_stretched,
-)
+from watermark.audio.search.stretched_search import StretchedCandidate
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import (
@@ -52,9 +53,6 @@ MOST_TEMPO, APART = 0.06, 0.01
 PRIOR = 2.0
 """Superframes that the tempo at first counts for beside those that were read."""
 
-DOUBT = 10.0
-"""Correlation of pilots that makes a candidate as likely as a deviation more of an usual one."""
-
 SETTLED = 4
 """Superframes that were read after which the tempo is known."""
 
@@ -71,6 +69,9 @@ UNREADABLE = 6
 
 MOST_BACK = 6
 """Superframes of the past that are read."""
+
+LATEST = 2.0
+"""Superframes by which reading may be late where the purse has to be filled first."""
 
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
 """Levels tried beside that of the superframe before."""
@@ -117,6 +118,31 @@ class _Place:
     even: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """A superframe's frames along one path.
+
+    Attributes
+    ----------
+    view : SuperframeView
+        There.
+    level : float
+        That was assumed.
+    places : ndarray of float64, shape (64,)
+        Where they begin, samples of the tape.
+    tempo : float
+        At which they were looked for.
+    reading : SuperframeReading
+        The result.
+    """
+
+    view: SuperframeView
+    level: float
+    places: Array
+    tempo: float
+    reading: SuperframeReading
+
+
 class StretchedFollower:
     """Locks onto stretched sound and follows it.
 
@@ -136,6 +162,7 @@ class StretchedFollower:
         self._key, self._fs, self._nominal, self._reader = key, fs, nominal, reader
         self._pilots, self._masker = make_pilots(key), make_masker()
         self._place: _Place | None = None
+        self._first: tuple[SuperframeReading, Array] | None = None
         self._demodulator: Demodulator | None = None
 
     @property
@@ -168,82 +195,46 @@ class StretchedFollower:
         """Superframes in a row that failed; infinite without a lock."""
         return np.inf if self._place is None else self._place.misses
 
-    def lock(
-        self,
-        low: Array,
-        tape: SampleBuffer,
-        start: float,
-        told: float,
-        *,
-        ventures: Ventures | None = None,
-    ) -> list[ReceivedSuperframe] | None:
-        """Search a stretch and lock onto it.
-
-        Parameters
-        ----------
-        low : ndarray of float64, shape (n,)
-            The stretch at 12 kHz.
-        tape : SampleBuffer
-            The sound, as far back as it is remembered.
-        start : float
-            Place of the stretch on the tape.
-        told : float
-            Place of the last superframe that was handed out.
-        ventures : Ventures, optional
-            That pay; where a mark was read not long ago there are none: less is asked then, and the
-            purse pays.
-
-        Returns
-        -------
-        list of ReceivedSuperframe, or None
-            The one that was found, after those before it, less those that were handed out; None
-            if there is no lock.
-        """
-        candidate = find_stretched(self._key, low, least=LEAST if ventures else LEAST_KNOWN)
-        if candidate is None:
-            return None
-        if ventures is None:
-            # The likeliest explanation of superframes that fail: it is tried on credit.
-            if not self._reader.purse.affords(PIECES + DEEPEST):
-                return None
-            self._reader.purse.charge(PIECES)
-            return self._lock_at(candidate, tape, start, told)
-        if not ventures.allows(LEAST_VENTURED + (candidate.score - LEAST_KNOWN) / DOUBT):
-            return None
-        with ventures.attempt(0.0, math.inf):
-            self._reader.purse.charge(PIECES)
-            return self._lock_at(candidate, tape, start, told)
-
-    def _lock_at(
-        self, candidate: StretchedCandidate, tape: SampleBuffer, start: float, told: float
-    ) -> list[ReceivedSuperframe] | None:
-        """Lock onto a candidate of a stretch that starts at a place of the tape."""
+    def lock(self, candidate: StretchedCandidate, tape: SampleBuffer, start: float) -> bool:
+        """Lock onto a candidate of a stretch that starts at a place of the tape, if it is one."""
         self._demodulator = demodulator = self._reader.demodulator(candidate.profile)
         centre = candidate.places * self._nominal + start
         levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
         paths = self._paths(tape, centre)
-        readings = self._readings(paths, levels, None, due=False)
-        read = next((one for one in readings if one[0].decoded.l0 is not None), None)
+        looked_at = list[_Look]()
+        read = self._brief(paths, levels, None, looked_at) or self._again(looked_at, due=False)
         if read is None:
-            return None
-        reading, places = read
+            return False
+        reading, places = read.reading, read.places
         heard = float(places[-1] - places[0]) / (FRAMES_PER_SUPERFRAME - 1)
         tempo = min(TEMPI, key=lambda likely: abs(likely * heard - HOP * self._nominal))
         first = self._even_start(places, tempo)
-        place = _Place(first, tempo, tempo, first, reading.level)
-        found: list[ReceivedSuperframe] = []
-        if first > told + SUPERFRAME * self._nominal / 2:
-            found = [*self._read_back(tape, place, told), self._received(reading, first)]
+        self._place = _Place(first, tempo, tempo, first, reading.level)
+        self._first = reading, places
+        return True
+
+    def begin(self, tape: SampleBuffer, told: float) -> list[ReceivedSuperframe]:
+        """Give the superframe that was locked onto, after those before it as far as is paid for.
+
+        Those up to the place `told`, where the last one was handed out, are left out.
+        """
+        assert self._place is not None
+        assert self._first is not None
+        (reading, places), place, found = self._first, self._place, list[ReceivedSuperframe]()
+        if place.position > told + SUPERFRAME * self._nominal / 2:
+            one = self._received(reading, place.position)
+            found = [*self._read_back(tape, place, told), one]
         self._learn(place, reading, places, place.tempo)
-        self._place = place
         return found
 
     def complete(self, tape: SampleBuffer) -> bool:
-        """Whether the next superframe has arrived."""
+        """Whether the next superframe has arrived and can be paid for, or must be given up."""
         if self._place is None:
             return False
         last = self._place.position + SUPERFRAME * self._nominal / min(TEMPI)
-        return last + (REACH + HOP + 2 * MARGIN) * self._nominal <= tape.end
+        late = tape.end - last - (REACH + HOP + 2 * MARGIN) * self._nominal
+        waits = late < LATEST * SUPERFRAME * self._nominal
+        return late >= 0 and (self._reader.purse.has(PIECES_LOCK) or not waits)
 
     def follow(self, tape: SampleBuffer) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; give the lock up after some that fail."""
@@ -251,18 +242,24 @@ class StretchedFollower:
         if place is None:
             return []
         position = place.position
+        if not self._reader.purse.affords(PIECES_READ):
+            self._miss(place)
+            return []
         reading, places, tempo = self._read(tape, place)
         if reading.decoded.l0 is not None:
             self._learn(place, reading, places, tempo)
             if place.even >= MAX_EVEN:
                 self._place = None
             return [self._received(reading, self._even_start(places, place.tempo))]
+        self._miss(place)
+        return [] if self._place is None else [self._received(reading, position)]
+
+    def _miss(self, place: _Place) -> None:
+        """Go on to the next superframe from one that was not read; give the lock up in time."""
         place.count, place.misses, place.piece = place.count + 1, place.misses + 1, None
         place.position += SUPERFRAME * self._nominal / place.tempo
         if place.misses > (MAX_MISSES if place.read >= SETTLED else MAX_UNSETTLED):
             self._place = None
-            return []
-        return [self._received(reading, position)]
 
     def _even_start(self, places: Array, tempo: float) -> float:
         """Where a superframe would begin at an even pace."""
@@ -297,7 +294,7 @@ class StretchedFollower:
         past = replace(place)
         affords = self._reader.purse.affords
         while failed < UNREADABLE and past.position - nominal / past.tempo > first:
-            if len(found) == MOST_BACK or (failed and not affords(PIECES + DEEPEST)):
+            if len(found) == MOST_BACK or not affords(PIECES_READ):
                 break
             reading, places, tempo = self._read(tape, past, back=True)
             if reading.decoded.l0 is None:
@@ -322,42 +319,67 @@ class StretchedFollower:
         tempi = [place.tempo, *others] if place.read < SETTLED else [place.tempo]
         near = [place.level + beside for beside in LEVELS_BESIDE]
         levels = [level for level in near if 0 <= level < len(LEVELS)]
+        looked_at = list[_Look]()
         for n, tempo in enumerate(tempi):
-            if n and not self._reader.purse.affords(PIECES + DEEPEST):
+            if n and not self._reader.purse.affords(PIECES_READ):
                 break
-            self._reader.purse.charge(PIECES)
             frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
             paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
-            for reading, places in self._readings(paths, levels, place.piece, due=not back):
-                if reading.decoded.l0 is not None:
-                    return reading, places, tempo
-        return reading, places, place.tempo
+            read = self._brief(paths, levels, place.piece, looked_at, tempo)
+            if read is not None:
+                return read.reading, read.places, tempo
+        read = self._again(looked_at, due=not back)
+        if read is not None:
+            return read.reading, read.places, read.tempo
+        return looked_at[0].reading, looked_at[0].places, place.tempo
 
     def _paths(self, tape: SampleBuffer, centre: Array) -> Paths:
+        self._reader.purse.charge(PIECES)
         return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
 
-    def _readings(
-        self, paths: Paths, levels: list[float], first: float | None, *, due: bool
-    ) -> Iterator[tuple[SuperframeReading, Array]]:
-        """Read along the likeliest paths, the first of them from `first` on if given."""
+    def _brief(
+        self, paths: Paths, levels: list[float], first: float | None, looked_at: list[_Look],
+        tempo: float = 1.0,
+    ) -> _Look | None:  # fmt: skip
+        """Read briefly along the likeliest paths, the first of them from `first` on if given.
+
+        Each is noted, as far as the purse pays; the one that was read is returned.
+        """
         attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
         if first is not None:
             attempts[:0] = [(first, JUMPS[0])] * 2
+        known_levels = 1
         for n, (begin, jump) in enumerate(attempts):
             # The level of the superframe before comes first, its neighbours only if that fails.
-            if n:
-                self._reader.purse.charge(PIECES_VIEW)
             tried = levels[: 1 if n == 0 and begin is not None else len(levels)]
+            cost = PIECES_VIEW + PIECES_LEVEL * max(len(tried) - known_levels, 0)
+            known_levels = max(len(tried), known_levels)
+            if not n:
+                self._reader.purse.charge(cost)
+            elif not self._reader.purse.pays(cost):
+                return None
             found = {level: paths.find(level, jump=jump, first=begin) for level in tried}
             level = max(found, key=lambda level: found[level][0])
             view, places = paths.view(found[level][1], level)
-            reading = self.demodulator.read(view, [level], due=due)
+            reading = self.demodulator.read(view, [level], brief=True)
             if reading.decoded.l0 is not None and reading.decoded.l1 is None:
                 known, level = self.demodulator.expected(reading.decoded), reading.level
                 _, again = paths.find(level, jump=jump, first=begin, expected=known)
-                view, _ = paths.view(again, level, known)
-                reading = self.demodulator.read_second(reading, view)
-            yield reading, paths.on_tape(places)
+                better, _ = paths.view(again, level, known)
+                reading = self.demodulator.read_second(reading, better)
+            looked_at.append(_Look(view, level, paths.on_tape(places), tempo, reading))
+            if reading.decoded.l0 is not None:
+                return looked_at[-1]
+        return None
+
+    def _again(self, looked_at: list[_Look], *, due: bool) -> _Look | None:
+        """Read by all means what was read briefly in vain."""
+        for one in looked_at:
+            if self._reader.purse.affords(self.demodulator.cost(LONGEST_LIST_SIZE)):
+                reading = self.demodulator.read(one.view, [one.level], due=due)
+                if reading.decoded.l0 is not None:
+                    return replace(one, reading=reading)
+        return None
 
     def _received(self, reading: SuperframeReading, position: float) -> ReceivedSuperframe:
         equaliser = Equaliser(self.demodulator.bands)

@@ -6,6 +6,7 @@ and after hours; hypotheses that were right before on this set come first, and m
 Cost: that of the hypotheses tried, `SPEND` of every second of sound.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,15 +94,18 @@ class HypothesisScheduler:
         most = max(self._allowance, SPEND * SAVED_S)
         self._allowance = min(self._allowance + SPEND * sound_s, most)
 
-    def next(self, now_s: float) -> ChannelHypothesis | None:
-        """Return what to try at a time of the sound; None where nothing is due or paid for."""
-        if self._allowance < self._awaited:
+    def next(self, now_s: float, most: float = math.inf) -> ChannelHypothesis | None:
+        """Return what to try at a time of the sound, at `most` at some cost.
+
+        None where nothing is due or paid for.
+        """
+        if min(self._allowance, most) < self._awaited:
             return None
         self._awaited = self._cheapest
         best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
         if best.waited(now_s) < 1.0:
             return None
-        if self._allowance < best.hypothesis.cost:
+        if min(self._allowance, most) < best.hypothesis.cost:
             self._awaited = best.hypothesis.cost
             return None
         self._allowance -= best.hypothesis.cost
