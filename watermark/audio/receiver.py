@@ -23,6 +23,7 @@ from watermark.audio.follow.hunting import HypothesisHunter
 from watermark.audio.follow.purse import (
     DUE,
     FAILED_BEFORE_GUESSING,
+    LOST,
     SEARCH,
     DecodingPurse,
     Ventures,
@@ -226,7 +227,7 @@ class AudioReceiver:
         self._origin, self._searched = origin, 0
 
     def _kept(self) -> float:
-        """Part of the savings that candidates leave for superframes which are due."""
+        """Part of the savings that hunting leaves for superframes which are due."""
         return DUE if self._follower.misses < FAILED_BEFORE_GUESSING else 0.0
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
@@ -234,7 +235,8 @@ class AudioReceiver:
         sound = AssumedSound(self._pace, self._offset, self._equaliser)
         position = self._origin + candidate.start * sound.pace
         new = self._follower.is_new(position, sound.pace)
-        with self._purse.keeping(self._kept()):
+        kept = self._kept() or (LOST if self._guessing else 0.0)
+        with self._purse.keeping(kept):
             if not new or not self._ventures.allows(candidate.significance):
                 return []
             accepted = self._attempts.read(self._tape, position, candidate, sound, self._ventures)

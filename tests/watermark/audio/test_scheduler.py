@@ -5,7 +5,7 @@ import pytest
 
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
-from watermark.audio.follow.purse import EARNED, SAVED, DecodingPurse, Ventures
+from watermark.audio.follow.purse import EARNED, SAVED, YOUNG_S, DecodingPurse, Ventures
 from watermark.audio.follow.retries import Retries
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
@@ -88,7 +88,7 @@ def test_weak_pilots_add_up_over_stretches() -> None:
 
 
 def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
-    purse, paid = DecodingPurse(), 0.0
+    purse, paid = DecodingPurse(heard_s=YOUNG_S), 0.0
     for _ in range(1000):
         purse.earn(0.64)
         while purse.pays(16.5):
@@ -111,7 +111,7 @@ def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
 
 def test_candidates_that_leave_no_doubt_are_not_free() -> None:
     """Pilots of a mark that cannot be read stand out in every second: the purse bounds them too."""
-    purse = DecodingPurse()
+    purse = DecodingPurse(heard_s=YOUNG_S)
     ventures, spent = Ventures(purse), 0.0
     for _ in range(1000):
         purse.earn(0.1)

@@ -4,7 +4,7 @@ In: the sound that arrives, which earns an allowance; out: whether an attempt is
 counted, not measured: the same sound gives the same attempts on every machine. An unpaid attempt
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
 costs were counted; an AAC encode of a second of sound takes some 26. No second of sound is given
-more than `EARNED` + `SAVED`, whatever comes in.
+more than `EARNED` + `SAVED` after the first ones, whatever comes in.
 """
 
 from collections.abc import Iterator
@@ -16,6 +16,9 @@ EARNED = 75.0
 
 SAVED = 75.0
 """What may be saved, and owed."""
+
+YOUNG_S, AT_FIRST = 8.0, 2.0
+"""Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
 
 SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 10.0, 3.0, 8.0, 4.0
 """Costs of the usual search of a second of sound, of what a superframe that was read corrects, the
@@ -48,8 +51,9 @@ DUE = 0.25
 """Part of the savings that candidates leave for superframes which are due, where any are."""
 
 HUNTED, LOST = 0.4, 0.6
-"""Part of the savings that hunting leaves for attempts at what it finds, and part that superframes
-leave for hunting where `FAILED_BEFORE_GUESSING` in a row failed."""
+"""Part of the savings that hunting leaves for attempts at what it finds, and part that is left for
+hunting by candidates of the usual search, and by superframes where `FAILED_BEFORE_GUESSING` in a
+row failed: what pilots confirm and nothing reads was altered."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
@@ -66,6 +70,11 @@ UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 12.0, 40.0, 70.0, 7.0
 confirm it, and from which deviations on they leave no doubt."""
 
 
+CONFIRMED = 15.0
+"""What a second of sound pays for at candidates that the purse pays for: what stands out in every
+superframe and is not read was altered, and is left to hunting."""
+
+
 @dataclass(slots=True)
 class DecodingPurse:
     """An allowance.
@@ -78,6 +87,8 @@ class DecodingPurse:
         Attempts that were left out.
     spent : float
         All that was paid.
+    heard_s : float
+        Sound that has earned an allowance.
     reserve : float
         Units kept for attempts that are likelier than the present ones.
     """
@@ -85,11 +96,14 @@ class DecodingPurse:
     balance: float = SAVED
     untried: int = 0
     spent: float = 0.0
+    heard_s: float = 0.0
     reserve: float = 0.0
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
-        self.balance = min(self.balance + EARNED * sound_s, SAVED)
+        earned = EARNED * sound_s * (AT_FIRST if self.heard_s < YOUNG_S else 1.0)
+        self.heard_s += sound_s
+        self.balance = min(self.balance + earned, SAVED)
 
     @contextmanager
     def keeping(self, part: float) -> Iterator[None]:
@@ -143,10 +157,12 @@ class Ventures:
     _left: float = VENTURES
     _paid: bool = False
     _used: float = 0.0
+    _credit: float = CERTAIN_COST
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
         self._left = min(self._left + VENTURED * sound_s, VENTURES)
+        self._credit = min(self._credit + CONFIRMED * sound_s, CERTAIN_COST)
 
     def allows(self, significance: float) -> bool:
         """Whether a candidate is tried: the less is saved, the more significant it must be."""
@@ -164,6 +180,8 @@ class Ventures:
         """Bound what a candidate costs by the score of its pilots, and pay for this attempt."""
         purse = self.purse
         most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
+        if self._paid:
+            most = min(most, self._used + max(self._credit, UNSURE_COST))
         reserve, spent = purse.reserve, purse.spent
         purse.reserve = max(purse.balance - max(most - self._used, 0.0), reserve)
         try:
@@ -171,7 +189,9 @@ class Ventures:
         finally:
             purse.reserve = reserve
             self._used += purse.spent - spent
-            if not self._paid:
+            if self._paid:
+                self._credit -= purse.spent - spent
+            else:
                 self._left -= purse.spent - spent
 
 

@@ -54,11 +54,15 @@ class _Entry:
 
     def waited(self, now_s: float) -> float:
         """Pauses since the last try."""
+        return (now_s - self.tried_s) / self.pause_s(now_s)
+
+    def pause_s(self, now_s: float) -> float:
+        """Return the pause after which it is tried again, seconds."""
         young = now_s < YOUNG_S and self.hypothesis.pause_s < RARELY_S
         pause_s = self.hypothesis.pause_s
         for reason in (self.read, self.promising or young):
             pause_s /= REPEATED if reason else 1.0
-        return (now_s - self.tried_s) / pause_s
+        return pause_s
 
 
 @dataclass(slots=True)
@@ -76,6 +80,7 @@ class HypothesisScheduler:
     _allowance: float = field(default=FIRST, init=False)
     _cheapest: float = field(init=False)
     _awaited: float = field(init=False)
+    _idle_until_s: float = field(default=-math.inf, init=False)
 
     def __post_init__(self) -> None:
         # One pause has run out for each at the start: they are tried in their order. What is tried
@@ -99,11 +104,13 @@ class HypothesisScheduler:
 
         None where nothing is due or paid for.
         """
-        if min(self._allowance, most) < self._awaited:
+        if min(self._allowance, most) < self._awaited or now_s < self._idle_until_s:
             return None
-        self._awaited = self._cheapest
+        self._awaited, self._idle_until_s = self._cheapest, -math.inf
         best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
         if best.waited(now_s) < 1.0:
+            # Pauses only grow with time.
+            self._idle_until_s = min(one.tried_s + one.pause_s(now_s) for one in self._entries)
             return None
         if min(self._allowance, most) < best.hypothesis.cost:
             self._awaited = best.hypothesis.cost
@@ -127,10 +134,12 @@ class HypothesisScheduler:
     def note(self, hypothesis: ChannelHypothesis, significance: float) -> None:
         """Note how likely the likeliest place of the last try is."""
         self._find(hypothesis).promising = significance >= PROMISING
+        self._idle_until_s = -math.inf
 
     def remember(self, hypothesis: ChannelHypothesis) -> None:
         """Note that a mark was read under a hypothesis."""
         self._find(hypothesis).read = True
+        self._idle_until_s = -math.inf
 
     def _find(self, hypothesis: ChannelHypothesis) -> _Entry:
         return next(entry for entry in self._entries if entry.hypothesis is hypothesis)
