@@ -15,7 +15,7 @@ EARNED = 75.0
 """What a second of sound pays for."""
 
 SAVED = 75.0
-"""What may be saved, and owed."""
+"""Units that may be saved, and owed: those of one second, so that none costs twice as much."""
 
 YOUNG_S, AT_FIRST = 8.0, 2.0
 """Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
