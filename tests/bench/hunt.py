@@ -3,7 +3,7 @@
 In: sound files and names of channels of `cuecast evaluate audio`; out: a line for each clip,
 channel and length of unmarked sound before: when the first superframe was handed out, how many
 came, and the processor time of hunting, of marked sound and of the dearest second, in FFmpeg's AAC
-encodes of the same sound in the same run. Run:
+encodes of the same sound in the same run; at last a line for each channel and length. Run:
 ``python -m tests.bench.hunt --channels speed_25_24 --after 0 12 --store FOLDER CLIP ...``.
 """
 
@@ -21,6 +21,9 @@ from cuecast.evaluate.sound_channels import encode, find_channel
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import FS, SUPERFRAME, find_profile
+
+SOON_S = 15.0
+"""Sound within which a mark is to be found, seconds."""
 
 BLOCK = 4800
 """Samples handed over at once."""
@@ -146,6 +149,30 @@ def hunt(clip: str, channel: str, before: Sound, heard: Sound, due: int) -> Hunt
     )  # fmt: skip
 
 
+def summary(rows: list[HuntRow]) -> str:
+    """Return what all rows together say, a line for each channel and length of sound before."""
+    lines = []
+    for channel in dict.fromkeys(row.channel for row in rows):
+        for after_s in sorted({row.after_s for row in rows}):
+            own = [row for row in rows if (row.channel, row.after_s) == (channel, after_s)]
+            if not own:
+                continue
+            soon = sum(row.found_s is not None and row.found_s <= SOON_S for row in own)
+            read = sorted(row.read for row in own)
+            costs = [[getattr(row, name) for row in own] for name in ("hunting", "marked", "most")]
+            hunting, marked, most = (f"{np.median(x):.2f} (at most {max(x):.2f})" for x in costs)
+            lines.append(
+                f"{channel:22} after {after_s:4.0f} s: {soon} of {len(own)} in {SOON_S:.0f} s, "
+                f"read {read[0]} to {read[-1]}, median {np.median(read):g}; encodes: hunting "
+                f"{hunting}, marked {marked}, dearest second {most}"
+            )
+    lines.append(
+        f"{len(rows)} rows, {sum(row.wrong for row in rows)} wrong superframes, dearest second "
+        f"{max(row.most for row in rows):.1f} encodes"
+    )
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("clips", type=Path, nargs="+", metavar="clip")
@@ -157,14 +184,16 @@ def main() -> None:
     options = parser.parse_args()
     hunt("", "", sound_of(options.clips[0], 3.0), sound_of(options.clips[0], 1.0), 0)  # compiles
     due = round(options.seconds * FS) // SUPERFRAME
+    rows = []
     for n, path in enumerate(options.clips):
         other = options.other or options.clips[(n + 1) % len(options.clips)]
         for channel in options.channels:
             heard = heard_of(path, channel, options.seconds, options.store)
             for after in options.after:
                 before = sound_of(other, after)
-                row = hunt(path.stem, channel, before, heard, due)
-                print(row, flush=True)
+                rows.append(hunt(path.stem, channel, before, heard, due))
+                print(rows[-1], flush=True)
+    print(summary(rows))
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def test_a_clock_that_leads_astray_is_noticed() -> None:
 
 
 def test_blocks_do_not_matter_to_guesses() -> None:
-    y = crossed(marked())[: 4 * FS]
+    y = crossed(marked())[: 11 * FS // 2]
     whole, parts = receive(y), receive(y, block=3001)
     assert len(whole) >= 5
     assert [(s.l0, s.position_s) for s in whole] == [(s.l0, s.position_s) for s in parts]
@@ -135,7 +135,7 @@ def test_a_receiver_that_does_not_guess_finds_what_is_whole() -> None:
         (marked(), False, True), (crossed(marked()), True, True), (crossed(marked()), False, False)
     ):  # fmt: skip
         receiver = AudioReceiver(FS, 2, guess=guess)
-        found = [*receiver.process(x[: 4 * FS]), *receiver.flush()]
+        found = [*receiver.process(x[: 11 * FS // 2]), *receiver.flush()]
         assert receiver.locked == bool(found) == locked
 
 
