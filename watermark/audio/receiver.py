@@ -57,8 +57,9 @@ while hunting, for what may be read of it once the sound is understood."""
 class AudioReceiver:
     """Receives superframes, block by block; any split into blocks gives the same output.
 
-    A superframe is handed out at most 0.1 s after its last frame came in. Those that were on air up
-    to 10 s before the lock follow it, in order.
+    A superframe is handed out at most 0.1 s after its last frame came in, in stretched sound about
+    1.5 s. Those that were on air up to 10 s before the lock are read first, as the purse pays: the
+    first ones after a lock may wait up to 4 s for them.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def street(n: int) -> np.ndarray:
     spectrum /= 0.02 + np.hypot(down, across) ** 1.5
     spectrum *= np.exp(2j * np.pi * across * (0.67 * n))
     texture = np.fft.irfft2(spectrum)[:, :WIDTH]
-    return np.clip(120 + 25 * texture / texture.std(), 16, 235).astype(np.uint8)
+    return np.asarray(np.clip(120 + 25 * texture / texture.std(), 16, 235).astype(np.uint8))
 
 
 @pytest.mark.parametrize("scene", [globe, street])

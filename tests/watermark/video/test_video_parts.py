@@ -74,7 +74,7 @@ def lattice_points(mode: Mode, bits: np.ndarray, widths: tuple[int, int], n: Any
         for step, width in zip((mode.step, mode.pilot_step), widths, strict=True)
     )
     data[mode.layout.pilots] = pilot[mode.layout.pilots]
-    return data
+    return np.asarray(data)
 
 
 def test_demodulation_of_exact_lattice_points() -> None:
