@@ -24,6 +24,7 @@ from watermark.audio.follow.purse import (
     DUE,
     FAILED_BEFORE_GUESSING,
     LOST,
+    ON_CREDIT,
     SEARCH,
     DecodingPurse,
     Ventures,
@@ -49,7 +50,7 @@ from watermark.link.superframe import ReceivedSuperframe
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
-HISTORY_S, LONG_HISTORY_S = 2.4, 10.0
+HISTORY_S, LONG_HISTORY_S = 2.4, 12.0
 """Sound that is kept while superframes are read, enough to search again from one that failed, and
 while hunting, for what may be read of it once the sound is understood."""
 
@@ -236,7 +237,8 @@ class AudioReceiver:
         sound = AssumedSound(self._pace, self._offset, self._equaliser)
         position = self._origin + candidate.start * sound.pace
         new = self._follower.is_new(position, sound.pace)
-        kept = self._kept() or (LOST if self._guessing else 0.0)
+        likely = candidate.significance >= ON_CREDIT
+        kept = self._kept() or (LOST if self._guessing and not likely else 0.0)
         with self._purse.keeping(kept):
             if not new or not self._ventures.allows(candidate.significance):
                 return []

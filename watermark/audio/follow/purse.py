@@ -14,10 +14,10 @@ from dataclasses import dataclass
 EARNED = 75.0
 """What a second of sound pays for."""
 
-SAVED = 75.0
-"""Units that may be saved, and owed: those of one second, so that none costs twice as much."""
+SAVED = 150.0
+"""Units that may be saved, and owed: with those earned a second costs less than a third of a core."""
 
-YOUNG_S, AT_FIRST = 8.0, 2.0
+YOUNG_S, AT_FIRST = 8.0, 1.5
 """Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
 
 SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 10.0, 3.0, 8.0, 4.0
@@ -43,14 +43,14 @@ bits."""
 USUAL_MOTHER = 1024
 """Bits of the mother code of the first class of `standard`."""
 
-ELSEWHERE, BESIDE = 8.0, 0.25
+ELSEWHERE, BESIDE = 8.0, 0.125
 """Least cost of reading beside the likeliest place, and part of the savings that is kept then for
 the likeliest one."""
 
-DUE = 0.25
+DUE = 0.125
 """Part of the savings that candidates leave for superframes which are due, where any are."""
 
-HUNTED, LOST = 0.4, 0.6
+HUNTED, LOST = 0.2, 0.3
 """Part of the savings that hunting leaves for attempts at what it finds, and part that is left for
 hunting by candidates of the usual search, and by superframes where `FAILED_BEFORE_GUESSING` in a
 row failed: what pilots confirm and nothing reads was altered."""

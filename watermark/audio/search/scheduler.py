@@ -19,7 +19,7 @@ from watermark.audio.search.hypotheses import (
     make_hypotheses,
 )
 
-SPEND = 14.0
+SPEND = 20.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
 SAVED_S = 4.0
