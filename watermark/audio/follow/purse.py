@@ -15,7 +15,7 @@ EARNED = 75.0
 """What a second of sound pays for."""
 
 SAVED = 150.0
-"""Units that may be saved, and owed: with those earned a second costs less than a third of a core."""
+"""Units that may be saved, and owed: with those of a second, less than a third of a core."""
 
 YOUNG_S, AT_FIRST = 8.0, 1.5
 """Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
