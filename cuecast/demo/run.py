@@ -96,7 +96,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     for name, file, codec, bit_rate in BROADCASTS:
         say(f"3/5 broadcasting as {name}")
         rewrite_sound(dubbed, folder / file, lambda *_: Unchanged(), codec=codec, bit_rate=bit_rate)
-        reception = receive(folder / file, voice, look=False)  # only its sound is marked
+        reception = receive(folder / file, voice)
         comparison = None
         if reception.motion is not None:
             received = reception.motion

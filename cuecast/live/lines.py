@@ -41,7 +41,7 @@ _FORCED = 33
 """Code of SO_RCVBUFFORCE on Linux: beyond the limit of the system, for who may."""
 
 _STAMPED = 35
-"""Code of SO_TIMESTAMPNS on Linux: the system tells when each datagram came."""
+"""Code of SO_TIMESTAMPNS on Linux: the system says when each datagram came."""
 
 _TIMESPEC = struct.Struct("@qq")
 """Seconds and nanoseconds of such a stamp."""

@@ -14,11 +14,11 @@ from cuecast.live.figures import HELP
 from cuecast.live.lines import Arrival, arrival_of
 from cuecast.live.multiplex import Aligner, Multiplex
 from cuecast.live.pcm import PcmPassage
-from cuecast.live.worker import MarkedPiece, Worker, WorkerNote
+from cuecast.live.worker import FOUND, PROCESSES, MarkedPiece, Worker, WorkerNote
 
-DATAGRAM, TAKEN, FOUND, PROCESSES, CAPTION, GIVEN = b"d", b"t", b"f", b"s", b"c", b"g"
-"""Kinds of records: a datagram came; some were taken; a piece of marked sound or a note came;
-processes changed; a line of live text; packets left."""
+DATAGRAM, TAKEN, CAPTION, GIVEN = b"d", b"t", b"c", b"g"
+"""Kinds of records beside the worker's: a datagram came; some were taken; a line of live text;
+packets left."""
 
 _COUNT, _TIME = struct.Struct("<I"), struct.Struct("<d")
 

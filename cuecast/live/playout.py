@@ -22,11 +22,11 @@ from cuecast.live.lines import Input, Output
 from cuecast.live.multiplex import Multiplex
 from cuecast.live.options import LiveOptions
 from cuecast.live.own_reception import OwnOutput
-from cuecast.live.passage import DATAGRAM, PROCESSES, Passage
+from cuecast.live.passage import DATAGRAM, Passage
 from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import Announcer, Condition, Observation, condition_of
 from cuecast.live.succession import Inheritance, ShadowOutput, Succession
-from cuecast.live.worker import Cuer, Worker, WorkerNote, WorkerState
+from cuecast.live.worker import PROCESSES, Cuer, Worker, WorkerNote, WorkerState
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
@@ -55,42 +55,6 @@ _SHOWN_CHARACTERS = 200
 
 _PATIENCE_S = 120.0
 """How long a pipe waits for the marking process before the programme passes as it is."""
-
-_HELP = {
-    "packets_total": ("counter", "Packets of the transport stream that came in."),
-    "packets_lost_total": ("counter", "Holes in the counter of the sound's packets."),
-    "garbage_bytes_total": ("counter", "Bytes that were no packets."),
-    "datagrams_dropped_total": ("counter", "Datagrams that the playout was too slow for."),
-    "bytes_out_total": ("counter", "Bytes that went out."),
-    "marked_seconds_total": ("counter", "Sound that went out marked."),
-    "bypass_seconds_total": ("counter", "Sound that went out as it was."),
-    "bypasses_total": ("counter", "Changes from marked sound to bypass."),
-    "stale_packets_total": ("counter", "Marked packets that came too late."),
-    "restarts_total": ("counter", "Marking processes that ended or were given up."),
-    "takeovers_total": ("counter", "Times that the process which stood by took over."),
-    "stands_by": ("gauge", "1 while a second process could take over."),
-    "eased_total": ("counter", "Times that a busy machine led to marking without rehearsal."),
-    "eased": ("gauge", "1 while marks are not tried on a coder because the machine is busy."),
-    "joint_seconds_total": ("counter", "Sound coded again without a mark, up to a superframe."),
-    "input_losses_total": ("counter", "Times that nothing came in for two seconds."),
-    "superframes_total": ("counter", "Superframes that were written."),
-    "damaged_frames_total": ("counter", "Frames of the sound that could not be decoded."),
-    "captions_total": ("counter", "Pieces of live text that are cued."),
-    "captions_left_out_total": ("counter", "Pieces of live text that came too late."),
-    "captions_refused_total": ("counter", "Pieces of live text over the rate, or not allowed."),
-    "state_changes_total": ("counter", "Changes of state, those that the log sums up included."),
-    "cuer_lag_seconds": ("gauge", "How far the cuer is behind the live text."),
-    "poses_total": ("counter", "Frames of a live interpreter that came."),
-    "keys_recognised_total": ("counter", "Keys that a live interpreter showed."),
-    "read_back_sent_total": ("counter", "Superframes that went out whole, up to 12 s ago."),
-    "read_back_received_total": ("counter", "Those that the playout's own receiver received."),
-    "read_back_share": ("gauge", "Share received in the last minute."),
-    "read_back_alarms_total": ("counter", "Minutes in which less than 98 % were received."),
-    "delay_seconds": ("gauge", "From in to out, as stated."),
-    "late_seconds": ("gauge", "How much later than due the last packet went out."),
-    "marking": ("gauge", "1 while the sound that goes out is marked."),
-    "held_bytes": ("gauge", "Bytes that wait for their time."),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,14 +84,14 @@ class Successor:
         if self._behind:
             raise EOFError
         try:
-            return self._line.recv(1, socket.MSG_DONTWAIT) == _READY or self._ended()
+            message = self._line.recv(1, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return False
         except OSError as error:
             raise EOFError from error
-
-    def _ended(self) -> bool:
-        raise EOFError
+        if message != _READY:
+            raise EOFError
+        return True
 
     def begin(self, state: bytes) -> None:
         """Give it the state; from here on it follows the records."""

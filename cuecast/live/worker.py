@@ -131,6 +131,9 @@ class WorkerState:
             self.until = found.epoch, end
 
 
+FOUND, PROCESSES = b"f", b"s"
+"""Kinds of records: a piece of marked sound or a note came; processes changed."""
+
 Log = Callable[[bytes, Any], None]
 """Takes a kind and its content for a playout that stands by."""
 
@@ -262,7 +265,7 @@ class Worker:
                     continue
                 state.failures = 0
                 number = self._process.channel.taken
-                self.log(b"f", (state.marking, number, found))
+                self.log(FOUND, (state.marking, number, found))
                 state.note(state.marking, number, found)
                 yield found
             if self._hangs():
@@ -273,7 +276,7 @@ class Worker:
             yield from self._replace(why)
         if state.processes != self._logged:
             self._logged = state.processes
-            self.log(b"s", self._logged)
+            self.log(PROCESSES, self._logged)
 
     def _hangs(self) -> bool:
         """Whether the process that marks gives no sign of life, though there is another one."""

@@ -50,7 +50,7 @@ _SHORT_PART, _SHORT_SPREAD = 0.5, 0.17
 Tried on 64 takes of one real cuer, as the speeds and the slack below."""
 
 FRAME_SHARE = 0.3
-"""Neighbouring frames tell the same: each counts as this part of an observation."""
+"""Neighbouring frames are alike: each counts as this part of an observation."""
 
 _FREEDOM = 7.0
 """Degrees of freedom of the heavy-tailed distribution of a held key's features."""

@@ -25,7 +25,7 @@ SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 10.0, 3.0, 8.0, 4.0
 same where place and clock are sought widely, and of a superframe of the past."""
 
 VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.5, 0.8, 1.3, 0.8, 0.8, 0.8
-"""A superframe's spectra and masks; what tells of its cells; what covers it at one level; its
+"""A superframe's spectra and masks; clues on its cells; the sound that covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
 PIECES, PIECES_LEVEL, PIECES_VIEW = 17.0, 3.5, 11.0
