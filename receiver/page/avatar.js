@@ -222,7 +222,8 @@ export class AvatarView {
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
-    this.gl = canvas.getContext("webgl", { alpha: true, antialias: true, premultipliedAlpha: true });
+    const wish = { alpha: true, antialias: true, premultipliedAlpha: true };
+    this.gl = canvas.getContext("webgl2", wish) || canvas.getContext("webgl", wish);
     if (!this.gl) throw new Error("WebGL is missing");
     this.movement = new Movement(model);
     this.shading = new Shading(this.gl, arrays, model.camera.height_mm);

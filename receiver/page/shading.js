@@ -38,7 +38,8 @@ varying vec4 tint;
 varying float opacity;
 void main() {
   vec3 p = moved();
-  n = rotated(normal, turn * extra.y);
+  // Area normals of unequal length could turn round where a thin triangle is read beside its edge.
+  n = rotated(normal / max(length(normal), 1e-9), turn * extra.y);
   n.x *= frame.z;
   tint = vec4(pow(colour.rgb, vec3(2.2)), colour.a);
   opacity = extra.x;
@@ -130,12 +131,23 @@ void main() {
   gl_FragColor = vec4(pow(min(c, 1.0), vec3(1.0 / 2.2)) * a, a);
 }`;
 
+/**
+ * A shader in WebGL 2's language, where what varies is read inside the triangle (`centroid`): at the
+ * edge of a thin one, a value read at the pixel's middle lies outside it, and shows as a dark speck.
+ */
+function modern(source, isVertex) {
+  const changed = source.replace(/varying /g, isVertex ? "centroid out " : "centroid in ")
+    .replace(/attribute /g, "in ").replace(/texture2D/g, "texture").replace(/gl_FragColor/g, "shown");
+  return `#version 300 es\n${isVertex ? "" : "precision highp float;\nout vec4 shown;\n"}${changed}`;
+}
+
 /** Compile a program; `handle`, and its attributes and uniforms by name. */
 function link(gl, vertex, fragment) {
   const handle = gl.createProgram();
   for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(type);
-    gl.shaderSource(shader, source);
+    const hasCentroid = typeof WebGL2RenderingContext !== "undefined" && gl instanceof WebGL2RenderingContext;
+    gl.shaderSource(shader, hasCentroid ? modern(source, type === gl.VERTEX_SHADER) : source);
     gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
     gl.attachShader(handle, shader);

@@ -90,7 +90,8 @@ def test_avatar_on_the_page_is_the_portrait_of_python(
             cuer = (shown[..., 3] > 0) | (picture.max(axis=2) > 0)
             differences.append(np.abs(visible - picture)[cuer].mean())
         print("levels between page and render:", np.round(differences, 2))
-        assert np.mean(differences) < 2.0
+        # .68 where values are read beside thin triangles and normals have unequal lengths.
+        assert np.mean(differences) < 0.6
         assert np.max(differences) < 3.0
         hand = decode_png(await page.evaluate(PIXELS % (params.tolist(), "false", "true")))
         assert 0.01 < (hand[..., 3] > 128).mean() < 0.5 * cuer.mean()
