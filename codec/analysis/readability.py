@@ -38,6 +38,8 @@ _BACK = layout.marker_indices((*layout.PALM, *layout.KNUCKLES[1:], *layout.WRIST
 _FINGERS = layout.marker_indices([n for f in layout.FINGERS for n in f])
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
 _TIPS = layout.marker_indices([layout.longest_finger_tip(shape) for shape in SHAPES])
+_HAND = np.concatenate([_BACK, _FINGERS, _TIPS])
+_ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +117,14 @@ class Classes:
         tips : ndarray, shape (T, 9, 3)
             Tip of the finger that each shape points with, against the head, mm.
         """
-        x = _against_head(np.asarray(markers, dtype=np.float64), self._skull)
+        x = np.asarray(markers, dtype=np.float64)
+        hand = _against_head(x, self._skull, _HAND)
+        back, fingers, tips = np.split(hand, [len(_BACK), len(_BACK) + len(_FINGERS)], axis=1)
         shapes = shapes_apart(
-            x[:, _BACK], x[:, _FINGERS], self._back, self.fingers,
+            np.ascontiguousarray(back), np.ascontiguousarray(fingers), self._back, self.fingers,
             outlier_mm=rigid.OUTLIER_MM, rounds=_ROUNDS,
         )  # fmt: skip
-        return shapes, x[:, _TIPS]
+        return shapes, tips
 
 
 def classes_of(voice: Voice) -> Classes:
@@ -136,10 +140,12 @@ def classes_of(voice: Voice) -> Classes:
     return Classes(markers.reshape(len(SHAPES), len(PLACEMENTS), *markers.shape[1:]))
 
 
-def _against_head(markers: FloatArray, skull: FloatArray) -> FloatArray:
-    """Return markers as seen from the head, whose rigid markers come to lie on `skull`."""
+def _against_head(
+    markers: FloatArray, skull: FloatArray, wanted: NDArray[np.int64] | slice = _ALL
+) -> FloatArray:
+    """Return some markers as seen from the head, whose rigid markers come to lie on `skull`."""
     motion, _ = rigid.estimate_motion(skull, markers[:, _RIGID_FACE])
-    return rigid.inverse_rigid_motion(markers, motion)
+    return rigid.inverse_rigid_motion(markers[:, wanted], motion)
 
 
 def shown_keys(
@@ -166,6 +172,29 @@ def shown_keys(
         Tells which gaps between keys return to rest.
     """
     shapes, placements = classes.distances(markers)
+    return keys_shown_at(
+        shapes, placements, score, rate_hz=rate_hz, start_s=start_s, options=options
+    )
+
+
+def keys_shown_at(
+    shapes: FloatArray,
+    placements: FloatArray,
+    score: Score,
+    *,
+    rate_hz: float,
+    start_s: float,
+    options: CueingOptions,
+) -> list[Shown]:
+    """Return the same by a hand's distances.
+
+    Parameters
+    ----------
+    shapes, placements : ndarray, shapes (T, 9) and (T, 9, 6)
+        See `Classes.distances`.
+    score, rate_hz, start_s, options
+        As for `shown_keys`.
+    """
     fine = int(max(1, round(_FINE_HZ / rate_hz)))
     at = np.arange(0, max(len(shapes) - 1, 0) + 0.5 / fine, 1 / fine)
     shapes, placements = (_finer(x, at) for x in (shapes, placements))

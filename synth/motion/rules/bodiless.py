@@ -26,7 +26,14 @@ from codec.superframe.lips import LipContract
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.coarticulation import PhoneLine, dominance
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.motion.rules.movement import check_alignment, law, moved, plan_gestures
+from synth.motion.rules.movement import (
+    Gestures,
+    check_alignment,
+    law,
+    moved,
+    plan_gestures,
+)
+from synth.motion.rules.outline import Outline, slack_of
 
 FloatArray = NDArray[np.float64]
 
@@ -155,11 +162,22 @@ class Bodiless:
         params[:, voice.face_columns[N_FACE_PARAMETERS:]] = self._head
         return params
 
-    def _hand(self, score: Score, times: FloatArray) -> FloatArray:
+    def outline(self, score: Score) -> Outline:
+        """Return what `hand` depends on; the face does not move there."""
+        gestures, values = self._planned(score)
+        return Outline(
+            gestures.leave, gestures.reach, values, slack_of(FLOWING), PhoneLine.of(score)
+        )
+
+    def _planned(self, score: Score) -> tuple[Gestures, FloatArray]:
+        """Return the gestures of a score with their targets, shape (G, P)."""
         gestures = plan_gestures(
             score, alignment=self._alignment, options=self._options, way=self._way
         )
-        values = self._hands[gestures.shape * len(PLACEMENTS) + gestures.placement]
+        return gestures, self._hands[gestures.shape * len(PLACEMENTS) + gestures.placement]
+
+    def _hand(self, score: Score, times: FloatArray) -> FloatArray:
+        gestures, values = self._planned(score)
         begins, ends = np.zeros(values.shape[1]), np.zeros(values.shape[1])
         begins[:N_HAND_PARAMETERS] = FLOWING.fingers_begin_s
         ends[:N_HAND_PARAMETERS] = FLOWING.fingers_end_s

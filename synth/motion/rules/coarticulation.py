@@ -16,7 +16,7 @@ from synth.motion.rules.visemes import ARTICULATORS, viseme_table
 
 FloatArray = NDArray[np.float64]
 
-_REACH_S = 0.45
+REACH_S = 0.45
 """Seconds from a phone beyond which it has no say."""
 
 _RISE_S = 0.045
@@ -97,7 +97,7 @@ def dominance(line: PhoneLine, times: FloatArray) -> tuple[FloatArray, NDArray[n
     """
     if not len(times):
         return np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
-    low, high = times[0] - _REACH_S, times[-1] + _REACH_S
+    low, high = times[0] - REACH_S, times[-1] + REACH_S
     near = np.flatnonzero((line.end > low) & (line.start < high))
     return _pull(times, line.start[near], line.end[near]), near
 
@@ -106,7 +106,7 @@ def _pull(times: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the time course (T, N) of each phone's dominance, 1 at its middle."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     away = np.abs(times[:, None] - middle)
-    fade = np.clip((away - half) / (_REACH_S - half).clip(0.05), 0.0, 1.0)
+    fade = np.clip((away - half) / (REACH_S - half).clip(0.05), 0.0, 1.0)
     scale = 0.6 * half + _RISE_S
     pull: FloatArray = np.exp(-((away / scale) ** 2)) * (1.0 - fade) ** 2
     return pull

@@ -32,6 +32,7 @@ from synth.motion.rules.coarticulation import PhoneLine, articulate
 from synth.motion.rules.drift import Drift, normals_at
 from synth.motion.rules.movement import Gestures, check_alignment, moved, plan_gestures
 from synth.motion.rules.movement import law as movement_law
+from synth.motion.rules.outline import Outline, slack_of
 from synth.motion.rules.visemes import ARTICULATORS, UNITS_OF, viseme_table
 
 FloatArray = NDArray[np.float64]
@@ -333,6 +334,16 @@ class GestureSynthesiser:
     def gestures(self, score: Score) -> Gestures:
         """Return when every target of `score` is left and reached."""
         return self._plan(score).gestures
+
+    def outline(self, score: Score) -> Outline:
+        """Return what the markers of a score depend on."""
+        plan = self._plan(score)
+        targets = [plan.angles, plan.forearm, plan.target, plan.follows, plan.meets]
+        gestures = plan.gestures
+        return Outline(
+            gestures.leave, gestures.reach, np.column_stack(targets), slack_of(self._movement),
+            plan.phones,
+        )  # fmt: skip
 
     def _plan(self, score: Score) -> _Plan:
         if self._planned is None or self._planned.score is not score:

@@ -12,12 +12,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import Classes, classes_of, shown_keys
+from codec.analysis.readability import Classes, classes_of, keys_shown_at
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Phone, Score
 from synth.motion.rules.bodiless import Bodiless, has_body
 from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.outline import Outline
 from synth.motion.rules.visibility import VisibilityModel
 
 RATE_HZ = 50.0
@@ -64,6 +65,31 @@ class PlanPerformer(Protocol):
     def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
         """Return the markers of the hand and the head, shape (n_frames, 113, 3), mm."""
 
+    def outline(self, score: Score) -> Outline:
+        """Return what the markers of a score depend on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Performance:
+    """A performance that was looked at; T frames.
+
+    Attributes
+    ----------
+    start_s : float
+        Time of the first frame, seconds.
+    outline : Outline
+    shapes, placements : ndarray, shapes (T, 9) and (T, 9, 6)
+        How far the hand is from each shape and placement, mm.
+    held_s : ndarray, shape (N,)
+        How long each key is shown.
+    """
+
+    start_s: float
+    outline: Outline
+    shapes: NDArray[np.float64]
+    placements: NDArray[np.float64]
+    held_s: NDArray[np.float64]
+
 
 class PerformanceSimulation:
     """A cuer who performs, and is looked at.
@@ -90,25 +116,44 @@ class PerformanceSimulation:
         self.sight = sight
         self.performer, self.classes, self._options = performer, classes, options
 
-    def held(self, phones: Sequence[Phone], keys: Sequence[Key]) -> NDArray[np.float64]:
-        """Return how long she shows each key of a score, seconds.
+    def performed(
+        self, phones: Sequence[Phone], keys: Sequence[Key], like: Performance | None = None
+    ) -> Performance:
+        """Return her performance of a score.
 
         Parameters
         ----------
         phones : sequence of Phone
         keys : sequence of Key
-            As `codec.cues.cueing.cue` makes them.
+            As `codec.cues.cueing.cue` makes them; at least one.
+        like : Performance, optional
+            Of a score with hardly another timing: only frames that differ are made again.
         """
-        if not keys:
-            return np.zeros(0)
         score = Score(tuple(phones), tuple(keys))
         start_s = max(0.0, keys[0].start - _AROUND_S)
         frames = int((keys[-1].end + _AROUND_S - start_s) * RATE_HZ)
-        markers = self.performer.markers(score, start_s, frames)
-        shown = shown_keys(
-            markers, score, self.classes, rate_hz=RATE_HZ, start_s=start_s, options=self._options
+        outline = self.performer.outline(score)
+        shapes, placements = np.empty((frames, 9)), np.empty((frames, 9, 6))
+        fresh = np.ones(frames, dtype=np.bool_)
+        if like is not None and like.start_s == start_s:
+            known = min(frames, len(like.shapes))
+            times = start_s + np.arange(known) / RATE_HZ
+            fresh[:known] = outline.differs(like.outline, times)
+            shapes[:known], placements[:known] = like.shapes[:known], like.placements[:known]
+        for first, last in _runs(fresh):
+            markers = self.performer.markers(score, start_s + first / RATE_HZ, last - first)
+            shapes[first:last], placements[first:last] = self.classes.distances(markers)
+        shown = keys_shown_at(
+            shapes, placements, score, rate_hz=RATE_HZ, start_s=start_s, options=self._options
         )
-        return np.array([item.held_s for item in shown])
+        held_s = np.array([item.held_s for item in shown])
+        return Performance(start_s, outline, shapes, placements, held_s)
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first number and end of each run of true values."""
+    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def mirror_of(
@@ -166,3 +211,6 @@ class _Hand:
 
     def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
         return self._voice.reconstruct(self._cuer.hand(score, start_s, n_frames, self._voice))
+
+    def outline(self, score: Score) -> Outline:
+        return self._cuer.outline(score)

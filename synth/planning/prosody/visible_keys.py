@@ -14,7 +14,7 @@ from codec.analysis.readability import HELD_S
 from codec.cuer.movement import FLOWING
 from codec.cues.cueing import CueingOptions, cue
 from codec.cues.score import Phone
-from synth.planning.prosody.simulation import PerformanceSimulation
+from synth.planning.prosody.simulation import Performance, PerformanceSimulation
 from synth.planning.prosody.timing_optimiser import WANTED_S, KeyLine, TimingOptimiser
 
 FloatArray = NDArray[np.float64]
@@ -125,6 +125,7 @@ class VisibleKeys:
     ) -> None:
         self._keys, self._options, self._before = keys, options, before
         self._mirror, self._least = mirror, int(np.ceil(GRID_HZ * least_s - SAME_S))
+        self._performed: Performance | None = None
 
     def settled(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
@@ -202,7 +203,11 @@ class VisibleKeys:
         fresh = slice(line.frozen, None)
         phones = self._phones(line.start[fresh] / GRID_HZ, line.end[fresh] / GRID_HZ)
         told = [*self._before.phones, *itertools.chain(*phones)]
-        held = self._mirror.held(told, tuple(cue(told, self._options)))
+        keys = tuple(cue(told, self._options))
+        if not keys:
+            return np.zeros(0)
+        self._performed = self._mirror.performed(told, keys, self._performed)
+        held = self._performed.held_s
         return held[len(held) - len(phones) :]
 
     def _phones(self, start: FloatArray, end: FloatArray) -> list[list[Phone]]:

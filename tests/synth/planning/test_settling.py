@@ -92,7 +92,7 @@ def test_bounds_and_what_was_said_stay() -> None:
 def test_every_key_of_slow_verse_is_held() -> None:
     lines = [Subtitle(1.0 + 4.6 * n, 5.0 + 4.6 * n, text) for n, text in enumerate(VERSE)]
     score = score_of_subtitles(lines, reading=Reading(pace=READABLE))
-    held = mirror_of().held(score.phones, score.keys)
+    held = mirror_of().performed(score.phones, score.keys).held_s
     assert len(held) == len(score.keys)
     assert held.min() >= HELD_S
 
@@ -140,4 +140,4 @@ def test_adapting_is_never_worse_whoever_cues(
 
 def held_by(mirror: PerformanceSimulation, lines: list[Subtitle]) -> np.ndarray:
     score = score_of_subtitles(lines, reading=Reading(pace=Pace(keys_per_s=8.0)))
-    return mirror.held(score.phones, score.keys)
+    return mirror.performed(score.phones, score.keys).held_s
