@@ -70,7 +70,7 @@ class PlanPerformer(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Performance:
+class SimulatedPerformance:
     """A performance that was looked at; T frames.
 
     Attributes
@@ -117,8 +117,8 @@ class PerformanceSimulation:
         self.performer, self.classes, self._options = performer, classes, options
 
     def performed(
-        self, phones: Sequence[Phone], keys: Sequence[Key], like: Performance | None = None
-    ) -> Performance:
+        self, phones: Sequence[Phone], keys: Sequence[Key], like: SimulatedPerformance | None = None
+    ) -> SimulatedPerformance:
         """Return her performance of a score.
 
         Parameters
@@ -126,7 +126,7 @@ class PerformanceSimulation:
         phones : sequence of Phone
         keys : sequence of Key
             As `codec.cues.cueing.cue` makes them; at least one.
-        like : Performance, optional
+        like : SimulatedPerformance, optional
             Of a score with hardly another timing: only frames that differ are made again.
         """
         score = Score(tuple(phones), tuple(keys))
@@ -147,7 +147,7 @@ class PerformanceSimulation:
             shapes, placements, score, rate_hz=RATE_HZ, start_s=start_s, options=self._options
         )
         held_s = np.array([item.held_s for item in shown])
-        return Performance(start_s, outline, shapes, placements, held_s)
+        return SimulatedPerformance(start_s, outline, shapes, placements, held_s)
 
 
 def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -14,7 +14,7 @@ from codec.analysis.readability import HELD_S
 from codec.cuer.movement import FLOWING
 from codec.cues.cueing import CueingOptions, cue
 from codec.cues.score import Phone
-from synth.planning.prosody.simulation import Performance, PerformanceSimulation
+from synth.planning.prosody.simulation import PerformanceSimulation, SimulatedPerformance
 from synth.planning.prosody.timing_optimiser import WANTED_S, KeyLine, TimingOptimiser
 
 FloatArray = NDArray[np.float64]
@@ -125,7 +125,7 @@ class VisibleKeys:
     ) -> None:
         self._keys, self._options, self._before = keys, options, before
         self._mirror, self._least = mirror, int(np.ceil(GRID_HZ * least_s - SAME_S))
-        self._performed: Performance | None = None
+        self._performed: SimulatedPerformance | None = None
 
     def settled(
         self, start: FloatArray, end: FloatArray, early: FloatArray, late: FloatArray
