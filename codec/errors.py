@@ -59,6 +59,35 @@ class BitstreamError(CueError):
         return "\n".join(lines)
 
 
+def check_kind(value: object, kind: type, taker: str, source: str = "") -> None:
+    """Refuse an argument of another kind than a face takes.
+
+    Parameters
+    ----------
+    value : object
+    kind : type
+        What `taker` needs.
+    taker : str
+        The function that was called.
+    source : str
+        Where such a value is to be had, as the end of the message.
+
+    Raises
+    ------
+    CueError
+        If `value` is no `kind`.
+
+    Examples
+    --------
+    >>> check_kind("Bonsoir", int, "reach", "len gives one")
+    Traceback (most recent call last):
+    codec.errors.CueError: reach takes int, not str: len gives one
+    """
+    if not isinstance(value, kind):
+        hint = f": {source}" if source else ""
+        raise CueError(f"{taker} takes {kind.__name__}, not {type(value).__name__}{hint}")
+
+
 class VoiceError(CueError):
     """A voice file is damaged or foreign, or a stream was made with another voice.
 

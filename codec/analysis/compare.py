@@ -10,7 +10,7 @@ from codec.cuer.layout import N_FACE
 from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Key
-from codec.errors import CueError
+from codec.errors import CueError, check_kind
 
 Array = NDArray[np.float64]
 
@@ -86,6 +86,7 @@ def compare_motions(a: Motion, b: Motion, voice: Voice) -> Comparison:
     0.0
     """
     for motion in (a, b):
+        check_kind(motion, Motion, "compare_motions", "load_motion reads one")
         voice.check_motion(motion)
     begin = max(a.start_s, b.start_s)
     end = min(a.start_s + a.duration_s, b.start_s + b.duration_s)

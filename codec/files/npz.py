@@ -25,6 +25,9 @@ from codec.files.whole import whole_file
 _HEADERS = {(1, 0): (npy.read_array_header_1_0, "<H"), (2, 0): (npy.read_array_header_2_0, "<I")}
 """Per version of an array's header: what reads it, and how it begins with its own length."""
 
+_ZIP = b"PK"
+"""How an archive begins (PKWARE's APPNOTE, 4.3.7)."""
+
 _MOST_HEADER_BYTES = 65_535
 """Bytes of an array's header at most, as in version 1; those of version 2 count to 4 GB."""
 
@@ -131,8 +134,15 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
         OverflowError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
     ) as error:  # fmt: skip
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        if isinstance(error, zipfile.BadZipFile) and (head := _beginning(path)) != _ZIP:
+            reason = f"an npz archive begins with {_ZIP!r}, this with {head!r}"
         raise CueError(f"{path}: damaged or foreign file: {reason}") from error
     return arrays
+
+
+def _beginning(path: str | os.PathLike[str]) -> bytes:
+    with open(path, "rb") as file:
+        return file.read(len(_ZIP))
 
 
 def _declared_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:

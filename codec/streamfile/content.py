@@ -24,6 +24,9 @@ from codec.superframe.superframe import Superframe
 _CRC_BYTES = 2
 """Bytes of the check of a file's head."""
 
+_CHANGED = "bytes of the head were changed"
+"""Likely cause of a head whose check is wrong."""
+
 HEAD_BYTES = FILE_BYTES + _CRC_BYTES
 """Bytes of a file's head with its check."""
 
@@ -78,19 +81,20 @@ def read_head(data: bytes) -> StreamHead:
         impossible time (F5).
     """
     if len(data) < HEAD_BYTES:
-        raise BitstreamError(f"{len(data)} bytes are no head of a stream file", section="F1")
+        rule = f"a head of {HEAD_BYTES} bytes expected, {len(data)} found"
+        raise BitstreamError(rule, section="F1", cause="the file is cut off")
     fields = unpack_fields(FILE_FIELDS, data[:FILE_BYTES])
     if fields["magic"] != MAGIC:
-        raise BitstreamError(f"magic {fields['magic']:08x} is not a stream's", section="F2", bit=0)
+        rule = f"magic {MAGIC:08x} expected, {fields['magic']:08x} found"
+        raise BitstreamError(rule, section="F2", bit=0, cause=_cause(fields, data))
     if fields["version"] != VERSION:
-        raise BitstreamError(f"version {fields['version']} is not {VERSION}", section="F3", bit=32)
+        rule = f"version {VERSION} expected, {fields['version']} found"
+        raise BitstreamError(rule, section="F3", bit=32, cause=_cause(fields, data))
     check = data[FILE_BYTES:HEAD_BYTES]
     own = crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big")
     if own != check:
         rule = f"checksum of the head: {own.hex()} expected, {check.hex()} found"
-        raise BitstreamError(
-            rule, section="F4", bit=8 * FILE_BYTES, cause="bytes of the head were changed"
-        )
+        raise BitstreamError(rule, section="F4", bit=8 * FILE_BYTES, cause=_CHANGED)
     head = StreamHead(
         f"{fields['coding']:016x}", fields["first_tick"], fields["ticks"], fields["l0"],
         fields["l1"],
@@ -98,6 +102,21 @@ def read_head(data: bytes) -> StreamHead:
     if not 0 < head.ticks <= MAX_TICKS or head.first_tick > MAX_TICKS:
         raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
     return head
+
+
+def _cause(fields: dict[str, int], data: bytes) -> str:
+    """Return why the magic or the version is another: the head's check decides.
+
+    A check that holds once the field is put right covers all other fields, so only that one was
+    changed. One that holds already was written over this version: nothing was changed.
+    """
+    as_written = pack_fields(FILE_FIELDS, fields | {"magic": MAGIC, "version": VERSION})
+    check = int.from_bytes(data[FILE_BYTES:HEAD_BYTES], "big")
+    if crc16(as_written) == check:
+        return _CHANGED
+    if fields["magic"] == MAGIC and crc16(data[:FILE_BYTES]) == check:
+        return "a file of another version of Cuecast"
+    return "a file of another kind"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,11 @@ from typing import Any
 from bitstring import Bits
 
 from codec.cues.timeline import SUPERFRAME_S, TICK_S
-from codec.errors import BitstreamError
+from codec.errors import BitstreamError, check_kind
 from codec.streamfile.content import read_content
 from codec.streamfile.file_score import read_common
 from codec.superframe.bitmap import Field, map_superframe
-from codec.superframe.bits import MODES, PLAIN, SCORE
+from codec.superframe.bits import FILE_BYTES, FILE_FIELDS, MODES, PLAIN, SCORE, unpack_fields
 from codec.superframe.checks import is_own
 from codec.superframe.merging import score_of
 from codec.superframe.payload import read_beginning
@@ -32,7 +32,8 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
     ----------
     data : bytes
     partial : bool
-        Return the fields of a damaged file up to its damage, and this as ``damage``.
+        Return the fields of a damaged file up to its damage, and this as ``damage``; where the head
+        is damaged, its fields as they stand, as ``head``.
 
     Returns
     -------
@@ -44,8 +45,7 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
     Raises
     ------
     BitstreamError
-        If the file breaks a rule; of a partial one if its head cannot be read. A wrong checksum of
-        a superframe is reported in its place.
+        If the file breaks a rule. A wrong checksum of a superframe is reported in its place.
 
     Examples
     --------
@@ -56,7 +56,13 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
     >>> inspect_stream(stream + b"x", partial=True)["damage"]["cause"]
     '1 bytes were appended to a file that is whole without them'
     """
-    content = read_content(data)
+    check_kind(data, bytes, "inspect_stream", "the content of a file, not its name")
+    try:
+        content = read_content(data)
+    except BitstreamError as error:
+        if not partial:
+            raise
+        return {"head": _head_as_it_stands(data), "damage": _damage(error)}
     head, fault = content.head, content.fault
     if fault is not None and not partial:
         raise fault
@@ -91,10 +97,16 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
         "keys": [key.as_dict() for key in score_of(parts).keys],
     }
     if fault is not None:
-        document["damage"] = {
-            "rule": fault.rule, "section": fault.section, "bit": fault.bit, "cause": fault.cause,
-        }  # fmt: skip
+        document["damage"] = _damage(fault)
     return document
+
+
+def _damage(fault: BitstreamError) -> dict[str, Any]:
+    return {name: getattr(fault, name) for name in ("rule", "section", "bit", "cause")}
+
+
+def _head_as_it_stands(data: bytes) -> dict[str, int]:
+    return unpack_fields(FILE_FIELDS, data[:FILE_BYTES]) if len(data) >= FILE_BYTES else {}
 
 
 def _row(frame: Superframe, coding: str) -> tuple[dict[str, Any], ScorePart | Window | None]:
@@ -151,6 +163,9 @@ def _spoken(index: int, part: ScorePart | Window | None) -> dict[str, Any]:
 
 def describe(document: dict[str, Any]) -> str:
     """Return the document of `inspect_stream` as lines of text."""
+    damage = [BitstreamError(**document["damage"]).explain()] if "damage" in document else []
+    if "head" in document:
+        return "\n".join([f"{name} {value:x}" for name, value in document["head"].items()] + damage)
     lines = [
         "coding {coding}, {duration_s} s from {start_s} s, {rate_bps} bit/s".format(**document),
         "  index    start  mode        bytes  step  phones | keys",
@@ -164,9 +179,7 @@ def describe(document: dict[str, Any]) -> str:
         said = " ".join(row.get("phones", [])) + " | " + " ".join(row.get("keys", []))
         place = f"{row['index']:7d} {row['start_s']:8.2f}  {row['mode']:10s}"
         lines.append(f"{place} {size:>6s} {step:>5s}  {said}")
-    if damage := document.get("damage"):
-        lines.append(BitstreamError(**damage).explain())
-    return "\n".join(lines)
+    return "\n".join(lines + damage)
 
 
 _COLOURS = (36, 33, 32, 35, 34, 31)

@@ -19,7 +19,7 @@ from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
 from codec.cues.timeline import SUPERFRAME_S, TICK_S, TICKS, to_ticks
-from codec.errors import CueError, VoiceError
+from codec.errors import CueError, VoiceError, check_kind
 from codec.streamfile.content import (
     HEAD_BYTES,
     MAX_TICKS,
@@ -155,6 +155,7 @@ def choose_stream(
     CueError
         As `encode_stream`.
     """
+    check_kind(motion, Motion, "encode_stream", "motion_of and load_motion make one")
     head = _head_of(motion, coding_for(voice))
     if rate_bps is not None and error_mm is not None:
         raise CueError("a rate and an error cannot both be given")
@@ -295,6 +296,7 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
     >>> [str(key) for key in decode_stream(stream, voice).score.keys]
     ['26']
     """
+    check_kind(data, bytes, "decode_stream", "the content of a file, not its name")
     head = read_head(data)
     if head.coding != coding_for(voice).identity:
         raise VoiceError(

@@ -22,6 +22,7 @@ from cuecast.dubbing.receive import receive
 from cuecast.evaluate.drawing import Dot, draw_dots
 from cuecast.evaluate.options import EvaluateOptions
 from cuecast.media.film import write_film
+from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.sound import read_sound
 from synth.language.subtitles import Subtitle, read_subtitles
 from synth.planning.prosody.pacing import READABLE
@@ -42,12 +43,12 @@ CHANNELS = {
     "none": BroadcastCodec(".flac", "flac", 0),
     "aac128": BroadcastCodec(".m4a", "aac", 128_000),
     "aac96": BroadcastCodec(".m4a", "aac", 96_000),
-    "mp2_192": BroadcastCodec(".ts", "mp2", 192_000),
-    "ac3_192": BroadcastCodec(".ts", "ac3", 192_000),
+    "mp2_192": BroadcastCodec(".mkv", "mp2", 192_000),
+    "ac3_192": BroadcastCodec(".mkv", "ac3", 192_000),
     "mp3_128": BroadcastCodec(".mp3", "libmp3lame", 128_000),
     "opus_96": BroadcastCodec(".ogg", "libopus", 96_000),
 }
-"""Channels by name."""
+"""Channels by name, in containers that state by how much a coder delays the sound."""
 
 DEFAULT_CHANNELS = ("none", "aac128", "mp2_192", "ac3_192", "mp3_128")
 
@@ -124,13 +125,14 @@ def _through(
     report = dub(clip, source, voice, dubbed, DubOptions(audio_codec="flac"))
     dub_xrt = report["duration_s"] / (time.process_time() - began)
     sent = whole_motion(source, report["duration_s"])
-    sound, fs = read_sound(dubbed)
     rows = []
     for name in names:
         options.say(f"{clip.name} through {name}")
         channel = CHANNELS[name]
         coded = options.folder / f"coded{channel.suffix}"
-        write_film(coded, sound, fs, encoder=channel.encoder, bit_rate=channel.bit_rate)
+        rewrite_sound(
+            dubbed, coded, lambda *_: Unchanged(), codec=channel.encoder, bit_rate=channel.bit_rate
+        )
         row = {"clip": clip.stem, "channel": name}
         row |= _received(coded, sent, voice, report["superframes"])
         audio = report["carriers"]["audio"]

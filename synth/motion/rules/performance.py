@@ -6,7 +6,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Score
-from codec.errors import CueError
+from codec.errors import CueError, check_kind
 from synth.motion.rules.bodiless import ruled_cuer
 
 _AFTER_S = 1.5
@@ -58,10 +58,7 @@ def motion_of(
     >>> motion_of(score_of_text("Oui"), load_voice("claire")).rate_hz
     50.0
     """
-    if not isinstance(score, Score):
-        raise CueError(
-            f"motion_of takes a Score, not {type(score).__name__}: score_of_text makes one"
-        )
+    check_kind(score, Score, "motion_of", "score_of_text makes one")
     if not score.phones:
         raise CueError("the score is empty: nothing is said in it")
     cuer = ruled_cuer(voice, rate_hz=rate_hz, seed=seed, alignment=alignment, options=options)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions, cue
 from codec.cues.score import Key, Phone, Score
+from codec.errors import check_kind
 from synth.language.subtitles import Subtitle, spoken
 from synth.language.text.lexicon import Variant
 from synth.language.text.pronounce import DEFAULT_STYLE, Style, phonemise
@@ -115,6 +116,7 @@ def score_of_text(
     >>> [(key.shape, key.placement) for key in score_of_text("Bonjour").keys]
     [(4, 'mouth'), (1, 'chin'), (3, 'side')]
     """
+    check_kind(text, str, "score_of_text")
     words = reading.words(text)
     if reading.pace is not None:
         reading = replace(reading, pace=replace(reading.pace, max_lag_s=LONGEST_LAG_S))

@@ -103,6 +103,12 @@ def test_pickles_are_refused(tmp_path: Path) -> None:
         read_arrays(tmp_path / "objects.npz", max_bytes=1000)
 
 
+def test_a_file_of_another_kind_is_described_by_its_beginning(tmp_path: Path) -> None:
+    (tmp_path / "sent.cue").write_bytes(b"CUES and so on")
+    with pytest.raises(CueError, match=r"an npz archive begins with b'PK', this with b'CU'"):
+        load_motion(tmp_path / "sent.cue")
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     save_motion(motion(), tmp_path / "m.npz")
     before = (tmp_path / "m.npz").read_bytes()

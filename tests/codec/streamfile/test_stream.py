@@ -19,7 +19,7 @@ from codec.streamfile.content import read_head, read_superframes
 from codec.streamfile.inspect import describe, inspect_stream
 from codec.streamfile.spread import MOST_COST, ScoreChoice
 from codec.streamfile.stream import choose_stream, decode_stream, encode_stream
-from codec.superframe.bits import FILE_BYTES
+from codec.superframe.bits import FILE_BYTES, crc16
 from codec.superframe.coding import coding_for
 from synth.motion.rules.performance import motion_of
 from synth.planning.scoring.text_score import score_of_text
@@ -270,6 +270,34 @@ def test_a_damaged_file_is_shown_up_to_its_damage(
     assert "spec/bitstream.md, F7" in describe(document)
     with pytest.raises(BitstreamError, match=cause):
         inspect_stream(change(whole))
+
+
+@pytest.mark.parametrize(
+    ("change", "section", "cause"),
+    [
+        (lambda d: d[:12], "F1", "the file is cut off"),
+        (lambda d: bytes([d[0] ^ 2]) + d[1:], "F2", "bytes of the head were changed"),
+        (lambda d: b"RIFF" + bytes(len(d)), "F2", "a file of another kind"),
+        (lambda d: d[:4] + b"\x05" + d[5:], "F3", "bytes of the head were changed"),
+        (lambda d: of_another_version(d), "F3", "a file of another version of Cuecast"),
+        (lambda d: d[:9] + bytes([d[9] ^ 2]) + d[10:], "F4", "bytes of the head were changed"),
+    ],
+)
+def test_a_damaged_head_is_shown_as_it_stands(
+    toy_voice: Voice, make: MakeMotion, change: Callable[[bytes], bytes], section: str, cause: str
+) -> None:
+    data = change(encode_stream(make(1.0), toy_voice, rate_bps=600))
+    document = inspect_stream(data, partial=True)
+    assert (document["damage"]["section"], document["damage"]["cause"]) == (section, cause)
+    assert document["head"].get("magic") == (
+        int.from_bytes(data[:4], "big") if section != "F1" else None
+    )
+    assert f"likely cause: {cause}" in describe(document)
+
+
+def of_another_version(data: bytes) -> bytes:
+    head = data[:4] + bytes([data[4] + 1]) + data[5:24]
+    return head + crc16(head).to_bytes(2, "big") + data[26:]
 
 
 def checked(data: bytes) -> bytes:

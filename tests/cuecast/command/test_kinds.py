@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from codec import Motion, encode_stream, load_voice, save_motion
+from codec import (
+    Motion,
+    compare_motions,
+    decode_stream,
+    encode_stream,
+    load_voice,
+    save_motion,
+)
 from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.command.kinds import kind_of
 from cuecast.verbs.receive import in_words
-from synth import motion_of
+from synth import keys_of, motion_of
 from watermark import PROFILES, AudioEmbedder, AudioReceiver
 
 VOICE = load_voice("claire")
@@ -122,8 +129,19 @@ def test_sources_of_another_kind(given: object, message: str) -> None:
 
 
 def test_a_text_is_no_score() -> None:
-    with pytest.raises(CueError, match="takes a Score, not str: score_of_text makes one"):
+    with pytest.raises(CueError, match="takes Score, not str: score_of_text makes one"):
         motion_of("Bonsoir", VOICE)  # type: ignore[arg-type]
+
+
+def test_arguments_of_another_kind_are_named() -> None:
+    with pytest.raises(CueError, match="score_of_text takes str, not bytes"):
+        keys_of(b"Bonsoir")  # type: ignore[arg-type]
+    with pytest.raises(CueError, match="encode_stream takes Motion, not str: motion_of and"):
+        encode_stream("sent.npz", VOICE)  # type: ignore[arg-type]
+    with pytest.raises(CueError, match="decode_stream takes bytes, not str: the content"):
+        decode_stream("sent.cue", VOICE)  # type: ignore[arg-type]
+    with pytest.raises(CueError, match="compare_motions takes Motion, not str"):
+        compare_motions("a.npz", "b.npz", VOICE)  # type: ignore[arg-type]
 
 
 def test_a_text_of_another_language_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
