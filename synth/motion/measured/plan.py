@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.cuer.layout import HAND_MARKERS, longest_finger_tip
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
 from synth.motion.body.body import Body
@@ -20,8 +21,8 @@ from synth.motion.measured.strokes import Strokes
 
 FloatArray = NDArray[np.float64]
 
-KEYS_PER_S = 3.8
-"""Her pace; real cuers 3.0 to 3.9."""
+KEYS_PER_S = 3.55
+"""Her pace; real cuers 3.0 to 3.9, 0.33 s from arrival to arrival."""
 
 _EVENNESS = 0.3
 """Power of a key's length in the sound that is left in hers."""
@@ -51,7 +52,7 @@ _USUAL_MM = 56.0
 _LIMITS_S = (0.16, 0.62)
 """Shortest and longest stroke in seconds."""
 
-_USED = 0.6
+_USED = 0.65
 """Part of an idle time that the next stroke takes in."""
 
 _OVERLAP = 0.15
@@ -79,15 +80,18 @@ _LEAST_FINGERS_S = 0.12
 _TURN_SCATTER = 0.03
 """Spread in radians of the arm's turn from key to key."""
 
-_SCATTER = {"rest": 25.0, "side": 12.0, "mouth": 6.0, "chin": 7.0, "cheek": 7.0, "throat": 9.0}
-"""Of the hand from key to key, mm per axis. With the small motion of arm and fingers the tip
-scatters by 7 to 12 mm, as real tips do at mouth and chin."""
+_SCATTER = {
+    "rest": (25.0, 25.0, 25.0), "side": (18.0, 22.0, 14.0), "mouth": (3.5, 3.5, 3.5),
+    "chin": (5.0, 5.0, 5.0), "cheek": (6.0, 6.0, 6.0), "throat": (10.0, 18.0, 10.0),
+}  # fmt: skip
+"""Of the pointing tip from key to key, mm across, up and forward. With the small motion of
+arm and fingers it scatters by 6 to 8 mm at mouth and chin, as real tips do: the arm makes up for
+wrong angles of wrist and fingers. Sides and throats of real ones spread by 20 mm and more."""
 
-_LUMP_MM = np.array([-20.0, 12.0])
-"""Half the way between the two places at the side where a real cuer's finger was found."""
-
-_SIDE_MM = np.array([3.0, 9.0])
-"""From her posture at the side to the middle of those two: fingers that still open stand lower."""
+_SIDE_MM = {"F2T": np.array([-28.0, 20.0]), "F3T": np.array([10.0, 3.0])}
+"""From her place at the side to that of the index and of the middle finger: the hand has a place
+there, and the index of a closed hand stands farther out. Medians of one real cuer are 50 mm apart
+and 19 mm high; in the mean she stays where four groups of takes have the side."""
 
 _TO_REST_S = (0.12, 0.75)
 """Seconds after the last key at which the hand sets out for rest, and that it takes."""
@@ -183,12 +187,14 @@ def make_plan(
     arms = forearm[shape, placement].copy()
     angles = all_shapes()[shape]
     angles[:, :_WRIST] = wrist[shape, placement]
+    aims = _tips(body, angles, arms, shape)
     moving = placement > 0
     arms[moving, :3] += _TURN_SCATTER * drawn[moving, 8:11]
-    arms[:, 3:] += np.array([_SCATTER[n] for n in PLACEMENTS])[placement, None] * drawn[:, 11:14]
     angles[:, _WRIST:] += body.habits.scatter_deg * drawn[:, 14 : 14 + len(HAND_ANGLES) - _WRIST]
-    ends = _side_lumps(placement, drawn[:, 7])[:, None]
-    arms[:, 3:5] += ends * _LUMP_MM + np.abs(ends) * _SIDE_MM
+    aims += np.array([_SCATTER[n] for n in PLACEMENTS])[placement] * drawn[:, 11:14]
+    for number in np.flatnonzero(placement == PLACEMENT_NUMBER["side"]):
+        aims[number, :2] += _SIDE_MM[longest_finger_tip(int(shape[number]))]
+    arms[:, 3:] += aims - _tips(body, angles, arms, shape)
     begin, span = _times(arms, arrive, drawn)
     leave = np.append(begin[1:], np.inf)
     return MovementPlan(
@@ -197,18 +203,10 @@ def make_plan(
     )  # fmt: skip
 
 
-def _side_lumps(placement: NDArray[np.int64], drawn: FloatArray) -> FloatArray:
-    """Return which end of the side each key goes to, -1 or 1; 0 elsewhere.
-
-    A hand that is at the side already moves to the other end, so that the next key is seen.
-    """
-    out = np.zeros(len(placement))
-    for number in np.flatnonzero(placement == PLACEMENT_NUMBER["side"]):
-        if number and out[number - 1]:
-            out[number] = -out[number - 1]
-        else:
-            out[number] = 1.0 if drawn[number] > 0 else -1.0
-    return out
+def _tips(body: Body, angles: FloatArray, arms: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
+    """Return where the pointing fingers' tips are, (G, 3), mm."""
+    tips = np.array([HAND_MARKERS.index(longest_finger_tip(int(one))) for one in shape])
+    return np.asarray(body.hand(angles, arms)[np.arange(len(shape)), tips])
 
 
 def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
