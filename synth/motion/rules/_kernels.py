@@ -223,6 +223,72 @@ def seen_into(
 
 
 @njit(cache=True)
+def line_seen_into(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    target: NDArray[np.float64],
+    key: NDArray[np.int64],
+    rest_gap: float,
+    rule: tuple[float, ...],
+    long_ago: float,
+    step: float,
+    lateness: NDArray[np.float64],
+    stroke: float,
+    power: float,
+    arc: NDArray[np.float64],
+    place: NDArray[np.float64],
+    tip: NDArray[np.float64],
+    knuckle: NDArray[np.float64],
+    goal: NDArray[np.float64],
+    gram: NDArray[np.float64],
+    clear: NDArray[np.float64],
+    held: NDArray[np.float64],
+    peak: NDArray[np.float64],
+) -> None:
+    """Find how long each of N keys is seen, and how fast the knuckles are on the way to it.
+
+    start, end, target, key, held, peak are of shape (N,); gaps of `rest_gap` and longer send the
+    hand to rest; rule has the numbers of `strokes_into`. The rest is as for `seen_into`. Keys that
+    repeat the one before, without a rest between, share their time.
+    """
+    n = key.size
+    rested = np.empty(n, np.bool_)
+    at, way = np.empty(n, np.int64), np.empty(n)
+    last = -1
+    for i in range(n):
+        rested[i] = i == 0 or start[i] - end[i - 1] >= rest_gap
+        last += 2 if rested[i] else 1
+        at[i] = last
+        before = 0 if rested[i] else key[i - 1]
+        long = 0.0
+        for c in range(3):
+            long += (place[key[i], c] - place[before, c]) ** 2
+        way[i] = np.sqrt(long)
+    shown = np.zeros(last + 2, np.int64)
+    for i in range(n):
+        shown[at[i]] = key[i]
+    leave, reach = np.full(last + 2, long_ago), np.full(last + 2, long_ago)
+    (share, calm, hurried, least, most, per_mm, overlap, shortest, peak_per_mm, late, first,
+     rest_delay, rest_move) = rule  # fmt: skip
+    strokes_into(start, end, target, rested, way, share, calm, hurried, least, most, per_mm,
+                 overlap, shortest, peak_per_mm, late, first, rest_delay, rest_move, leave,
+                 reach)  # fmt: skip
+    begun, seen, fastest = np.empty(last + 2), np.empty(last + 2), np.empty(last + 2)
+    seen_into(leave, reach, shown, step, lateness, stroke, power, arc, place, tip, knuckle, goal,
+              gram, clear, begun, seen, fastest)  # fmt: skip
+    same = 0
+    for i in range(n):
+        held[i], peak[i] = seen[at[i]], fastest[at[i]]
+        if i + 1 < n and key[i + 1] == key[i] and not rested[i + 1]:
+            continue
+        if i > same:
+            whole = begun[at[i]] + held[i] - begun[at[same]]
+            for k in range(same, i + 1):
+                held[k] = whole
+        same = i + 1
+
+
+@njit(cache=True)
 def _margin(apart: NDArray[np.float64], own: int) -> float:
     """Return by how much the own one of some distances is less than any other."""
     best = np.inf

@@ -11,6 +11,7 @@ import bisect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +106,7 @@ class Gestures:
     reach: FloatArray
 
 
-_LONG_AGO_S = -1e6
+LONG_AGO_S = -1e6
 """A time in seconds before any that occurs."""
 
 _REST = 0, 0
@@ -195,15 +196,24 @@ def timed_strokes(
     leave, reach : ndarray, shape (G,)
         The rest before everything, each key after the rest before it if there is one, the rest.
     """
-    m, most = movement, 2 * len(start) + 2
-    leave, reach = np.full(most, _LONG_AGO_S), np.full(most, _LONG_AGO_S)
+    most = 2 * len(start) + 2
+    leave, reach = np.full(most, LONG_AGO_S), np.full(most, LONG_AGO_S)
     kernel = _kernels.strokes_into
     count = (lightly(kernel) if len(start) <= FEW else kernel)(
-        start, end, target, rested, way, m.lead_share, m.calm_share, m.hurried_s, m.least_lead_s,
-        m.most_lead_s, m.lead_s_per_mm, m.overlap, m.shortest_s, m.peak_s_per_mm, m.late_s,
-        m.first_lead_s, m.rest_delay_s, m.rest_move_s, leave, reach,
-    )  # fmt: skip
+        start, end, target, rested, way, *stroke_rule(movement), leave, reach
+    )
     return leave[:count], reach[:count]
+
+
+@cache
+def stroke_rule(movement: Movement) -> tuple[float, ...]:
+    """Return the numbers of a movement that time its strokes, as the kernels take them."""
+    m = movement
+    return (
+        m.lead_share, m.calm_share, m.hurried_s, m.least_lead_s, m.most_lead_s, m.lead_s_per_mm,
+        m.overlap, m.shortest_s, m.peak_s_per_mm, m.late_s, m.first_lead_s, m.rest_delay_s,
+        m.rest_move_s,
+    )  # fmt: skip
 
 
 def target_times(

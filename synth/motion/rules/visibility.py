@@ -7,6 +7,7 @@ scatter and the head are left out. `codec.analysis.readability` measures the sam
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENTS, SHAPES
 from synth.motion.rules import _kernels
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.motion.rules.movement import FEW, timed_strokes
+from synth.motion.rules.movement import FEW, LONG_AGO_S, stroke_rule
 
 FloatArray = NDArray[np.float64]
 
@@ -151,23 +152,22 @@ class VisibilityModel:
         peak : ndarray, shape (N,)
             Greatest speed, m/s.
         """
-        rested = np.append(True, start[1:] - end[:-1] >= rest_gap_s)[: len(start)]
-        at = np.arange(len(key)) + np.cumsum(rested)
-        shown = np.zeros(len(key) + int(rested.sum()) + 1, dtype=np.int64)
-        shown[at] = key
-        way = np.linalg.norm(self.place[key] - self.place[shown[at - 1]], axis=1)
-        leave, reach = timed_strokes(start, end, target, rested, way, self.movement)
-        begun, held, peak = (np.empty(len(shown)) for _ in range(3))
+        held, peak = np.empty(len(key)), np.empty(len(key))
         m = self.movement
-        lateness = np.array([m.turn_begin_s, m.turn_end_s, m.fingers_begin_s, m.fingers_end_s])
-        kernel = _kernels.seen_into
+        kernel = _kernels.line_seen_into
         (lightly(kernel, _KEY_S * len(key)) if len(key) <= FEW else kernel)(
-            leave, reach, shown, _STEP_S, lateness, max(m.stroke_s, 1e-9), m.power, self.arc,
-            self.place, self.tip, self.knuckle, self.goal, self.gram, CLEAR_MM, begun, held, peak,
+            start, end, target, key, rest_gap_s, stroke_rule(m), LONG_AGO_S, _STEP_S,
+            _lateness(m), max(m.stroke_s, 1e-9), m.power, self.arc, self.place, self.tip,
+            self.knuckle, self.goal, self.gram, CLEAR_MM, held, peak,
         )  # fmt: skip
-        begun, held, peak = begun[at], held[at], peak[at]
-        _join(key, rested, begun, held)
         return held, peak / 1000.0
+
+
+@cache
+def _lateness(movement: Movement) -> FloatArray:
+    """Return how much later than the place the turn begins and ends, then the fingers, seconds."""
+    m = movement
+    return np.array([m.turn_begin_s, m.turn_end_s, m.fingers_begin_s, m.fingers_end_s])
 
 
 def _bent(angles: FloatArray, shape: int) -> FloatArray:
@@ -175,16 +175,3 @@ def _bent(angles: FloatArray, shape: int) -> FloatArray:
     bent = angles.copy()
     bent[:, _WRIST_ANGLES:] = angles[shape * N_PLACEMENTS, _WRIST_ANGLES:]
     return bent
-
-
-def _join(
-    key: NDArray[np.int64], rested: NDArray[np.bool_], begun: FloatArray, held: FloatArray
-) -> None:
-    """Give keys that repeat the one before, without a rest between, the time of all of them."""
-    first = 0
-    for last in range(len(key)):
-        if last + 1 < len(key) and key[last + 1] == key[last] and not rested[last + 1]:
-            continue
-        if last > first:
-            held[first : last + 1] = begun[last] + held[last] - begun[first]
-        first = last + 1

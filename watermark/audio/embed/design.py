@@ -51,6 +51,8 @@ class MarkDesigner:
         self._profile = profile
         self._layout = make_layout(profile, key)
         self._pilots = make_pilots(key)
+        # Nothing is written above.
+        self._end = max(self._layout.cells.last_bin, self._pilots.cells.last_bin)
         self._alpha = np.linspace(*profile.alphas, profile.groups)
         self._announced = self._pilots.expected(profile.number)
         self._masker = make_masker()
@@ -90,11 +92,11 @@ class MarkDesigner:
         sound = np.concatenate([before[0], host[0]])
         wanted, announced = self._wanted(sound, payload)
         spectra = analyse(frames_of(sound, HOP), HOP)
-        coefficients = spectra[1:].real
+        coefficients = spectra[1:, : self._end].real
         mark = np.zeros(host.shape)
         for left in reversed(range(rounds)):
             threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
-            unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
+            unit = self._masker.amplitudes(threshold[1:], threshold[:-1], self._end)
             living = float(project(coefficients, unit, self._layout.cells)[1].mean())
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)

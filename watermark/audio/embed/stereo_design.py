@@ -37,9 +37,8 @@ class StereoDesigner(MarkDesigner):
 
     def __init__(self, profile: AudioProfile, key: int) -> None:
         super().__init__(profile, key)
-        # Nothing is written above.
-        self._end = max(self._layout.cells.last_bin, self._pilots.cells.last_bin)
         self._places = make_places(profile, key).bins[:, : self._end]
+        self._own = np.arange(self._places.size) + self._places.reshape(-1) * self._places.size
 
     def design(
         self,
@@ -62,23 +61,28 @@ class StereoDesigner(MarkDesigner):
         wanted, announced = self._wanted(sound[0], payload)
         spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
         coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
-        mark, change = np.zeros(host.shape), np.zeros((2, len(self._places), HOP))
+        mark = np.zeros(host.shape)
         places = np.full_like(self._places, MID) if leaning is None else self._places
         for left in reversed(range(rounds)):
-            units = stereo_units(spectra[0], spectra[1], self._masker)[:, :, : self._end]
-            own = np.choose(places, coefficients), np.choose(places, units)
+            units = stereo_units(spectra[0], spectra[1], self._masker, self._end)
+            own = coefficients[MID], units[MID]
+            if leaning is not None:
+                own = self._chosen(coefficients), self._chosen(units)
             if float(project(*own, self._layout.cells)[1].mean()) < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)
-            inner = change[:, :, : self._end]
-            inner[:] = self._data(coefficients, units, own, places, wanted, level)
-            inner += self._leaning(coefficients, units, announced, level, leaning or MID)
+            change = self._data(coefficients, units, own, places, wanted, level)
+            change += self._leaning(coefficients, units, announced, level, leaning or MID)
             if gains is not None:
-                inner *= gains[:, np.newaxis]
+                change *= gains[:, np.newaxis]
             mark = np.stack([synthesise(part, HOP) for part in change])
             if left:
                 sound[:, HOP:] = host + mark
                 spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
         return MarkedSuperframe(mark, carries=True)
+
+    def _chosen(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values of mid, left and right, shape (3, 64, bins), where each cell stands."""
+        return np.take(values, self._own).reshape(self._places.shape)
 
     def _data(
         self,

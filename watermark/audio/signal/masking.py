@@ -118,7 +118,10 @@ class Masker:
         return np.asarray(threshold)
 
     def amplitudes(
-        self, threshold: NDArray[np.float64], before: NDArray[np.float64]
+        self,
+        threshold: NDArray[np.float64],
+        before: NDArray[np.float64],
+        bins: int | None = None,
     ) -> NDArray[np.float64]:
         """Amplitude of the mark's unit per bin.
 
@@ -126,12 +129,16 @@ class Masker:
         ----------
         threshold, before : ndarray of float64, shape (T, bands)
             Thresholds of the frames and of the frames one hop earlier.
+        bins : int, optional
+            Number of lowest bins wanted; default: all, ``edges[-1]``.
 
         Returns
         -------
-        ndarray of float64, shape (T, edges[-1])
+        ndarray of float64, shape (T, bins)
         """
-        return np.repeat(self.units(threshold, before), np.diff(self.edges), axis=1)
+        count = len(self.edges) - 1 if bins is None else int(np.searchsorted(self.edges, bins))
+        units = self.units(threshold[:, :count], before[:, :count])
+        return np.repeat(units, np.diff(self.edges[: count + 1]), axis=1)[:, :bins]
 
     def units(
         self, threshold: NDArray[np.float64], before: NDArray[np.float64]

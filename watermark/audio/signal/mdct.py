@@ -104,8 +104,8 @@ def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float6
 
     Parameters
     ----------
-    coefficients : ndarray of float64, shape (T, hop)
-        MDCT coefficients.
+    coefficients : ndarray of float64, shape (T, bins)
+        MDCT coefficients of the lowest bins, at most `hop`; the others are zero.
     hop : int
         Half the frame length.
 
@@ -115,14 +115,15 @@ def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float6
         Samples; the first and the last `hop` of them still lack their neighbour frame.
     """
     tables = _tables(hop)
-    count = coefficients.shape[0]
+    count, bins = coefficients.shape
     spectrum = np.zeros((count, hop + 1), dtype=np.complex128)
-    spectrum[:, :hop] = coefficients * tables.own.conj()
-    spectrum[:, 1:] += coefficients * tables.next.conj()
+    np.multiply(coefficients, tables.own[:bins].conj(), out=spectrum[:, :bins])
+    spectrum[:, 1 : bins + 1] += coefficients * tables.next[:bins].conj()
     # A real inverse transform counts all bins but the first and the last twice.
-    spectrum[:, [0, hop]] *= 2
-    y = hop * scipy.fft.irfft(spectrum, axis=1)
-    out = np.zeros((count + 1) * hop)
-    out[: count * hop] += y[:, :hop].reshape(-1)
-    out[hop:] += y[:, hop:].reshape(-1)
-    return out
+    spectrum[:, ::hop] *= 2
+    y = scipy.fft.irfft(spectrum, axis=1)
+    y *= hop
+    out = np.zeros((count + 1, hop))
+    out[:count] = y[:, :hop]
+    out[1:] += y[:, hop:]
+    return out.reshape(-1)

@@ -18,13 +18,13 @@ def channels_of(mid: NDArray[Any], side: NDArray[Any]) -> NDArray[Any]:
 
 
 def stereo_units(
-    mid: NDArray[np.complex128], side: NDArray[np.complex128], masker: Masker
+    mid: NDArray[np.complex128], side: NDArray[np.complex128], masker: Masker, bins: int
 ) -> NDArray[np.float64]:
-    """Mask's units of mid, left and right, shape (3, T - 1, HOP), by spectra of T frames."""
+    """Mask's units of mid, left and right, shape (3, T - 1, bins), by spectra of T frames."""
     # |M +- S|^2 = |M|^2 + |S|^2 +- 2 Re(M S*)
     middle = (mid.real**2 + mid.imag**2) / 2
     both = middle + (side.real**2 + side.imag**2) / 2
     cross = mid.real * side.real + mid.imag * side.imag
     powers = middle, np.maximum(both + cross, 0.0), np.maximum(both - cross, 0.0)
     thresholds = (masker.thresholds(power) for power in powers)
-    return np.stack([masker.amplitudes(threshold[1:], threshold[:-1]) for threshold in thresholds])
+    return np.stack([masker.amplitudes(one[1:], one[:-1], bins) for one in thresholds])
