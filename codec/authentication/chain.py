@@ -9,7 +9,7 @@ spec/authentication.md, section 3.
 import hashlib
 import hmac
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from codec.authentication.layout import HIDDEN_BITS, KEY_BYTES, SENT_BITS, TAG_BITS, ProofLayout
 
@@ -17,8 +17,11 @@ _STEP = b"cuecast-step-3"
 _TAG = b"cuecast-tag-3"
 _BEGIN = b"cuecast-begin-3"
 
-_HIDDEN = [number.to_bytes(HIDDEN_BITS // 8, "big") for number in range(1 << HIDDEN_BITS)]
-"""All values of the bytes of a key that are not sent."""
+
+@cache
+def hidden_parts() -> list[bytes]:
+    """Return all values of the bytes of a key that are not sent: 3 MB, made when first needed."""
+    return [number.to_bytes(HIDDEN_BITS // 8, "big") for number in range(1 << HIDDEN_BITS)]
 
 
 class Chain:
@@ -60,7 +63,7 @@ class Chain:
     def find(self, sent: int, place: int, known: bytes, steps: int) -> bytes | None:
         """Return the key with these sent bits that leads to a known one in `steps`, if any does."""
         head = sent.to_bytes(SENT_BITS // 8, "big")
-        for hidden in _HIDDEN:
+        for hidden in hidden_parts():
             if self.before(head + hidden, place, steps) == known:
                 return head + hidden
         return None
@@ -115,4 +118,4 @@ def agreeing(channel: bytes, sent: int, distance: int, covered: bytes, tag: int)
     key, sha256 = sent.to_bytes(SENT_BITS // 8, "big"), hashlib.sha256
     head, tail, told = _TAG + channel + key, distance.to_bytes(2, "big") + covered, TAG_BITS // 8
     wanted = tag.to_bytes(told, "big")
-    return [key + h for h in _HIDDEN if sha256(head + h + tail).digest()[:told] == wanted]
+    return [key + h for h in hidden_parts() if sha256(head + h + tail).digest()[:told] == wanted]

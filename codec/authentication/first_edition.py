@@ -8,12 +8,11 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from codec.authentication.layout import HIDDEN_BITS, SENT_BITS
+from codec.authentication.chain import hidden_parts
+from codec.authentication.layout import SENT_BITS
 from codec.authentication.received import ArrivedSuperframe
 
 MESSAGE = "its proofs are those of the first edition, which can be forged: they verify nothing"
-
-_HIDDEN = [number.to_bytes(HIDDEN_BITS // 8, "big") for number in range(1 << HIDDEN_BITS)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +59,7 @@ def _agrees(arrived: Arrived, last: int, width: int) -> bool:
         number = number << width | (arrived[index].proof or (0, 0))[0]
     sent = (number & (1 << SENT_BITS) - 1).to_bytes(SENT_BITS // 8, "big")
     number >>= SENT_BITS
-    keys = [sent + hidden for hidden in _HIDDEN]
+    keys = [sent + hidden for hidden in hidden_parts()]
     for bits, nearest, farthest in (rules.quick, rules.whole):
         digest = hashlib.sha256(b"cuecast-data-1")
         for distance in range(nearest, farthest + 1):

@@ -51,7 +51,7 @@ class ReducedSha256:
 def reduced(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(chain_module, "hashlib", types.SimpleNamespace(sha256=ReducedSha256))
     hidden = [value.to_bytes(2, "big") for value in range(1 << HIDDEN)]
-    monkeypatch.setattr(chain_module, "_HIDDEN", hidden)
+    monkeypatch.setattr(chain_module, "hidden_parts", lambda: hidden)
     yield
     chain_module.keys_of.cache_clear()  # no other test may get these keys
 
