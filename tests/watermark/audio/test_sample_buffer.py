@@ -2,16 +2,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from codec.errors import CueError
 from tests.watermark.audio.test_carrier import embed, host
+from watermark.audio.follow import _kernels as _follow_kernels
+from watermark.audio.follow.smoothing import smooth
 from watermark.audio.search import _pilot_kernels, _search_kernels
-from watermark.audio.search.acquire import LARGEST_PENALTY, SEGMENT_FRAMES, PilotSearch
+from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch
 from watermark.audio.search.pilot_scan import (
     DECIMATION,
     PARTS,
     ROWS_PER_FRAME,
     SEARCH_HOP,
+    SEGMENT_FRAMES,
     STRIDE,
     make_sight,
 )
@@ -67,17 +71,17 @@ def versions(kernel: Any) -> list[Any]:
 
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.integers(-PARTS, PARTS + 1, (3, 435)).astype(np.int8)
+    soft = rng.integers(-PARTS, PARTS + 1, (3, 675)).astype(np.int8)
     shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
     penalty = np.array([PARTS // 2, 0], dtype=np.int16)
-    group = rng.integers(0, 3, 40)
-    mask = rng.choice([-1, 0], 40).astype(np.int8)
-    rows = np.arange(7) + 10 * np.arange(40)[:, np.newaxis] + np.repeat(shift, 5, axis=1)[..., None]
+    group = rng.integers(0, 3, 64)
+    mask = rng.choice([-1, 0], 64).astype(np.int8)
+    rows = np.arange(7) + 10 * np.arange(64)[:, np.newaxis] + np.repeat(shift, 8, axis=1)[..., None]
     pilots = (1 + 2 * mask[:, np.newaxis].astype(np.int64)) * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_search_kernels.pilot_sums):
         sums = np.zeros((8, 9), dtype=np.int8)
-        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, 5, group, mask, sums)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, group, mask, sums)
         for find in versions(_search_kernels.drift_peaks):
             peak = np.empty(7, dtype=np.int16)
             find(sums, shift, penalty, peak)
@@ -158,18 +162,40 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     seen = (rng.normal(size=(6, 3)) + 1j * rng.normal(size=(6, 3))).astype(np.complex64)
     alive = np.ones((6, 3), dtype=np.float32)
     alive[2, 1] = 0.0
-    turn = np.exp(1j * rng.uniform(0, 6, (2, 6))).astype(np.complex64)
+    turn = np.exp(1j * rng.uniform(0, 6, (_search_kernels.WORD, 6))).astype(np.complex64)
     steps = np.array([3.0, 7.0], dtype=np.float32)
     for kernel in versions(_search_kernels.pilot_soft):
-        soft = np.full((2, 6, 9), 7, dtype=np.int8)
+        soft = np.full((2, 6, 27), 7, dtype=np.int8)
         kernel(seen, alive, turn, cells.dither.astype(np.float32), steps, 2, soft)
-        assert (soft[:, :, [0, 1, 8]] == 7).all()
-        for t in range(2):
+        assert (soft[:, :, [0, 1, 26]] == 7).all()
+        for t in range(_search_kernels.WORD):
             projections = (seen * turn[t][:, np.newaxis]).real.T.astype(np.float64)
             for s, step in enumerate(steps):
                 expected = soft_values(projections, alive.T > 0, cells, float(step))
-                found = soft[s, :, 2 + t : 8 : 2].T / PARTS
+                found = soft[s, :, 2 + t : 26 : 8].T / PARTS
                 np.testing.assert_allclose(found, expected, atol=1.1 / PARTS)
+
+
+def test_cells_are_projected_as_the_embedder_does() -> None:
+    rng, cells = np.random.default_rng(4), make_pilots(0).cells
+    spectra = (rng.normal(size=(5, 480)) + 1j * rng.normal(size=(5, 480))).astype(np.complex64)
+    amplitudes = rng.choice([0.0, 0.5, 2.0], (5, 480), p=[0.02, 0.49, 0.49]).astype(np.float32)
+    cut = spectra.real[:, : cells.last_bin]
+    expected, living = project(cut, amplitudes[:, : cells.last_bin], cells)
+    assert 0 < living.mean() < 1
+    for kernel in versions(_follow_kernels.project_cells):
+        found, alive = np.empty(living.shape), np.empty(living.shape, dtype=np.bool_)
+        kernel(spectra, amplitudes, cells.signs, cells.first_bin, found, alive)
+        np.testing.assert_array_equal(alive, living)
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("around", [False, True])
+def test_windows_are_gaussian(around: bool) -> None:
+    values = np.random.default_rng(5).normal(size=(64, 38))
+    mode = "nearest" if around else "constant"
+    expected = gaussian_filter(values, (1.5, 16.0), mode=mode, truncate=4.0)
+    np.testing.assert_allclose(smooth(values, (1.5, 16.0), around=around), expected, atol=1e-12)
 
 
 def test_a_stretch_is_searched_as_the_stream_is() -> None:

@@ -7,6 +7,7 @@ from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.purse import EARNED, SAVED, YOUNG_S, DecodingPurse, Ventures
 from watermark.audio.follow.retries import Retries
+from watermark.audio.search import _evidence_kernels
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.hypotheses import RARELY_S, STRETCH_S, make_hypotheses
@@ -85,6 +86,21 @@ def test_weak_pilots_add_up_over_stretches() -> None:
         for n in range(40)
     ]
     assert np.mean(highest) < 4.5
+
+
+def test_evidence_is_added_as_its_python_says() -> None:
+    rng = np.random.default_rng(3)
+    kernel, results = _evidence_kernels.add_stretch, []
+    for add in dict.fromkeys([kernel, getattr(kernel, "py_func", kernel)]):
+        rng = np.random.default_rng(3)
+        before, own = np.zeros((2, 50), dtype=np.float32), []
+        for first in (0, 17, 49):
+            best, where = np.empty(2, dtype=np.float32), np.empty(2, dtype=np.int64)
+            peaks = rng.normal(0.0, 10.0, (2, 120)).astype(np.float32)
+            add(peaks, first, before, 3, np.float32(0.8), best, where)
+            own += [*best, *where]
+        results.append([*own, *before.reshape(-1)])
+    np.testing.assert_allclose(results[0], results[-1], rtol=1e-4, atol=1e-4)
 
 
 def test_the_purse_pays_no_more_than_the_sound_earned() -> None:

@@ -121,11 +121,12 @@ class MarkDesigner:
         """
         sound = np.concatenate([before, mid])
         spectra = analyse(frames_of(sound, HOP), HOP)
-        threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
+        power = np.abs(spectra) ** 2 / 2
+        threshold = self._masker.thresholds(power)
         unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
-        coded = [spectra[1:]]
+        coded = [power[1:]]
         if side.any():
-            coded.append(analyse(frames_of(side, HOP), HOP))
+            coded.append(np.abs(analyse(frames_of(side, HOP), HOP)) ** 2 / 2)
         noise = coder_noise(coded, self._masker, self._profile.coder_bits)
         return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
 

@@ -63,18 +63,45 @@ def choose_bins(
 ) -> None:
     """Fill spectra and amplitudes (64, bins) from mid, left or right as places say.
 
-    units (3, 64, bands) are the amplitudes of each channel; frame t lies at mid[t + 1].
+    units (channels, 64, bands) are the amplitudes of each channel.
     """
     for t in range(places.shape[0]):
         for b in range(edges.size - 1):
             for k in range(edges[b], edges[b + 1]):
-                place, m = places[t, k], mid[t + 1, k]
+                place, m = places[t, k], mid[t, k]
                 if place == 1:
-                    m += side[t + 1, k]
+                    m += side[t, k]
                 elif place == 2:
-                    m -= side[t + 1, k]
+                    m -= side[t, k]
                 spectra[t, k] = m
                 amplitudes[t, k] = units[place, t, b]
+
+
+@njit(cache=True, fastmath={"contract"})
+def project_cells(
+    spectra: NDArray[np.complex64],
+    amplitudes: NDArray[np.float32],
+    signs: NDArray[np.float64],
+    first: int,
+    projections: NDArray[np.float64],
+    alive: NDArray[np.bool_],
+) -> None:
+    """projections[t, g] = projection of cell g in frame t, 0 where a bin of it is silent.
+
+    See `watermark.audio.signal.dither.project`; cells begin at bin `first`.
+    """
+    bins = signs.size // projections.shape[1]
+    root = np.sqrt(bins)
+    for t in range(projections.shape[0]):
+        for g in range(projections.shape[1]):
+            total, living = 0.0, True
+            for i in range(g * bins, (g + 1) * bins):
+                unit = amplitudes[t, first + i]
+                if unit > 0:
+                    total += spectra[t, first + i].real * signs[i] / unit
+                else:
+                    living = False
+            alive[t, g], projections[t, g] = living, total / root if living else 0.0
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.signal.channel_choice import ChannelChoice
-from watermark.audio.signal.dither import project, soft_values
+from watermark.audio.signal.dither import soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse, frames_of
@@ -113,8 +113,9 @@ class SuperframeView:
         cut, shape = slice(cells.first_bin, cells.last_bin), (-1, cells.dither.size, cells.bins)
         unit = self.amplitudes[:, cut].reshape(shape).mean(axis=2)
         strength = 2 * np.log(np.maximum(unit, 1e-7))
-        frame = np.log((np.abs(self.spectra) ** 2).sum(axis=1) + 1e-12)
-        noise = coder_noise([self.spectra], masker, CODER_BITS)
+        power = 0.5 * (self.spectra.real**2 + self.spectra.imag**2)
+        frame = np.log(2 * power.sum(axis=1) + 1e-12)
+        noise = coder_noise([power], masker, CODER_BITS)
         pressed = np.repeat(noise, np.diff(masker.edges), axis=1)[:, cut]
         pressed = np.log(pressed.reshape(shape).mean(axis=2)) - strength
         clues = np.stack([strength, np.broadcast_to(frame[:, np.newaxis], unit.shape), pressed])
@@ -139,9 +140,16 @@ class SuperframeView:
 
     def _project(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         if id(cells) not in self._projected:
-            amplitudes = self.amplitudes[:, : cells.last_bin]
-            found = project(self.spectra[:, : cells.last_bin].real, amplitudes, cells)
-            self._projected[id(cells)] = cells, *found
+            from watermark.audio.follow import _kernels
+
+            shape = len(self.spectra), cells.dither.size
+            projections, alive = np.empty(shape), np.empty(shape, dtype=np.bool_)
+            _kernels.project_cells(
+                np.asarray(self.spectra, dtype=np.complex64),
+                np.asarray(self.amplitudes, dtype=np.float32),
+                cells.signs, cells.first_bin, projections, alive,
+            )  # fmt: skip
+            self._projected[id(cells)] = cells, projections, alive
         _, projections, alive = self._projected[id(cells)]
         return projections, alive
 
@@ -167,15 +175,36 @@ def read_view(
         beside = _spectra(tape.side, position, ratio, bend)
         if beside.any():
             side, bins = beside, places.bins
+    thresholds = thresholds_of(mid, side, masker)
+    units = masker.units(thresholds[:, 1:], thresholds[:, :-1])
+    spectra, amplitudes = choose(mid[1:], side[1:], units, masker, bins)
+    return SuperframeView(spectra, amplitudes, paired=side.size > 0)
+
+
+def thresholds_of(
+    mid: NDArray[np.complex64], side: NDArray[np.complex64], masker: Masker
+) -> NDArray[np.float64]:
+    """Masking thresholds of mid, left and right, shape (3, T, bands); of the mid without a side."""
     from watermark.audio.follow import _kernels
 
-    energies = np.zeros((3, len(mid), masker.edges.size - 1))
+    energies = np.zeros((3 if side.size else 1, len(mid), masker.edges.size - 1))
     _kernels.band_energies(mid, side, masker.edges, energies)
-    thresholds = masker.shaped(energies if side.size else energies[:1])
-    units = masker.units(thresholds[:, 1:], thresholds[:, :-1])
-    spectra, amplitudes = np.empty_like(mid[1:]), np.empty(bins.shape, dtype=np.float32)
+    return masker.shaped(energies)
+
+
+def choose(
+    mid: NDArray[np.complex64], side: NDArray[np.complex64], units: NDArray[np.float64],
+    masker: Masker, bins: NDArray[np.int64],
+) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:  # fmt: skip
+    """Spectra and amplitudes of the mark's unit, each bin of the channel where it stands.
+
+    `units` are those of the bands of each channel, `bins` numbers of channels, shape (T, HOP).
+    """
+    from watermark.audio.follow import _kernels
+
+    spectra, amplitudes = np.empty_like(mid), np.empty(mid.shape, dtype=np.float32)
     _kernels.choose_bins(mid, side, units, masker.edges, bins, spectra, amplitudes)
-    return SuperframeView(spectra, amplitudes, paired=side.size > 0)
+    return spectra, amplitudes
 
 
 def _spectra(
@@ -196,10 +225,11 @@ def _spectra(
         whole = np.round(begin).astype(np.int64)
         delays += begin - whole
         sound = tape.read(int(whole[0]), 1.0, int(whole[-1] - whole[0]) + 2 * HOP)
-        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)[whole - whole[0]]
+        windows = np.lib.stride_tricks.sliding_window_view(sound.astype(np.float32), 2 * HOP)
+        frames = windows[whole - whole[0]]
     else:
-        frames = frames_of(tape.read(first, ratio, SUPERFRAME + 2 * HOP), HOP)
-    spectra: NDArray[np.complex64] = analyse(frames.astype(np.float32), HOP)
+        frames = frames_of(tape.read(first, ratio, SUPERFRAME + 2 * HOP).astype(np.float32), HOP)
+    spectra: NDArray[np.complex64] = analyse(frames, HOP)
     if delays.any():
         from watermark.audio.follow import _kernels
 

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.ndimage
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import SuperframeView
@@ -19,6 +18,7 @@ from watermark.audio.follow.interference import InterferenceEstimator, Interfere
 from watermark.audio.follow.purse import CLUES_COST, DecodingPurse, decoding_cost
 from watermark.audio.follow.reliability import LIMITS, Reliability
 from watermark.audio.follow.retries import LEAST_STANDING, LONGEST_LIST_SIZE, Retries
+from watermark.audio.follow.smoothing import smooth
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
@@ -316,10 +316,7 @@ class Demodulator:
         known = (expected != 0) & (soft != 0)
         agreement = np.where(known, soft * expected, 0.0)
         place = agreement.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        near, count = (
-            scipy.ndimage.gaussian_filter(x.astype(np.float64), NEARBY, mode="constant")
-            for x in (agreement, known)
-        )
+        near, count = (smooth(x.astype(np.float64), NEARBY) for x in (agreement, known))
         cells = 4 * np.pi * NEARBY[0] * NEARBY[1]
         r = (cells * near + SHRINK * np.clip(place, *LIMITS)) / (cells * count + SHRINK)
         r = np.clip(r, *LIMITS)

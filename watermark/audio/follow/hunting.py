@@ -183,7 +183,8 @@ class HypothesisHunter:
             mix = found_mix
         count = int(guess.stretch_s * self._fs)
         start = now - count
-        stretch = self._ring.stretch(mix, start, count)
+        known = mix == usual and tape.first <= start and tape.end == now
+        stretch = self._ring.stretch(mix, start, count, tape if known else None)
         if guess.kind is PilotHypothesis.STRETCHED:
             known = now - self._follower.last_start < RECENT_S * self._fs
             low = stretch.low(guess.speed, guess.stretch_s)
@@ -222,7 +223,7 @@ class HypothesisHunter:
 
     def _try_turned(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
         """Try the likeliest places, and their neighbours, at phases of their own."""
-        start, low = stretch.tape.first, stretch.low(guess.speed, guess.stretch_s)
+        start, low = stretch.first, stretch.low(guess.speed, guess.stretch_s)
         evidence, first = self._scheduler.evidence(guess), start / self._nominal
         likely = self._turned.find(low, guess.steps, evidence, first)
         self._scheduler.note(guess, max((one.significance for one in likely), default=0.0))
@@ -242,12 +243,12 @@ class HypothesisHunter:
         pace = self._nominal
         whole = (SUPERFRAME + HOP) * pace + stretch.tape.reach(pace)
         near = [position, position + SUPERFRAME * pace, position - SUPERFRAME * pace]
-        first, last = stretch.tape.first, stretch.tape.end - whole
+        first, last = stretch.first, stretch.end - whole
         return [at for at in near if first <= at <= last and self._follower.is_new(at, pace)]
 
     def _try_plain(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
         """Try the likeliest places of a stretch, and that which all stretches point to."""
-        start, pace = stretch.tape.first, self._nominal * guess.speed
+        start, pace = stretch.first, self._nominal * guess.speed
         seen = see_stretch(self._key, stretch.low(guess.speed, guess.stretch_s))
         scores = [
             search_stretch(self._key, seen, gain=gain, exact=guess.exact) for gain in guess.gains

@@ -12,10 +12,10 @@ Trans. Com. 44(10), 1996. Specification: spec/audio-carrier.md, W38.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.ndimage
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import SuperframeView
+from watermark.audio.follow.smoothing import smooth, weighted_sum, weights_around
 from watermark.audio.signal.layout import AudioLayout, Pilots
 from watermark.audio.signal.profile import AudioProfile
 
@@ -47,9 +47,6 @@ WITH_BITS = np.array([8.94, 4.67, 4.39, 1.63, 1.43, 2.92, -1.5])
 
 LARGEST_ODDS = 6.0
 """Logarithms of odds stay within."""
-
-TRUNCATED = 3.0
-"""Deviations at which windows end."""
 
 Array = NDArray[np.float64]
 
@@ -154,7 +151,7 @@ class InterferenceMask:
 
 def _share(factors: Array, clues: Array) -> Array:
     """Probability that cells are untouched."""
-    odds = np.tensordot(factors[:-1], clues, 1) + factors[-1]
+    odds = factors[-1] + weighted_sum(factors, clues)
     return np.asarray(1 / (1 + np.exp(-np.clip(odds, -LARGEST_ODDS, LARGEST_ODDS))))
 
 
@@ -177,15 +174,10 @@ def _look_up(table: Array, errors: Array) -> Array:
 
 
 def _mean_around(values: Array, window: tuple[float, float]) -> Array:
-    mean = scipy.ndimage.gaussian_filter(values, window, mode="nearest", truncate=TRUNCATED)
-    return np.asarray(mean)
+    return smooth(values, window, around=True)
 
 
 def _mean_beside(values: Array, window: tuple[float, float]) -> Array:
     """Mean around each cell but of the cell itself."""
-    own = 1.0
-    for deviation in window:
-        reach = int(TRUNCATED * deviation + 0.5)
-        own /= np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2).sum()
-    mean = scipy.ndimage.gaussian_filter(values, window, mode="constant", truncate=TRUNCATED)
-    return np.asarray(mean - own * values)
+    own = np.prod([weights_around(1, deviation)[0, 0] for deviation in window])
+    return np.asarray(smooth(values, window) - own * values)

@@ -11,8 +11,9 @@ Specification: spec/audio-carrier.md, W38.
 """
 
 import numpy as np
-import scipy.ndimage
 from numpy.typing import NDArray
+
+from watermark.audio.follow.smoothing import weighted_sum, weights_around
 
 PRIOR_LOW, PRIOR_HIGH = 0.5, 0.08
 """Mean resultant length assumed at the lowest and at the highest bin before anything was decoded:
@@ -83,15 +84,15 @@ class Reliability:
             To be used instead of the learnt ones.
         """
         used = self._exponents if exponents is None else exponents
-        return np.asarray(_concentration(self._resultant) * np.exp(np.tensordot(used, clues, 1)))
+        return np.asarray(_concentration(self._resultant) * np.exp(weighted_sum(used, clues)))
 
     def cautious(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weights with which bits are read that nothing is known of, see `weights`."""
         even = self._unevenness()
-        smooth = even * scipy.ndimage.gaussian_filter1d(
-            self._resultant / even, SMOOTHING, mode="nearest"
+        smooth = even * (
+            weights_around(even.size, SMOOTHING, around=True) @ (self._resultant / even)
         )
-        told = np.exp(CAUTION[1] * np.tensordot(self._exponents, clues, 1))
+        told = np.exp(weighted_sum(CAUTION[1] * self._exponents, clues))
         return np.asarray(_concentration(np.clip(smooth, *LIMITS)) ** CAUTION[0] * told)
 
     def plain(self, clues: NDArray[np.float64]) -> NDArray[np.float64]:

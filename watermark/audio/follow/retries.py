@@ -95,14 +95,14 @@ class Retries:
         """Yield attempts as far as the purse pays for them: kinds in the order of their worth."""
         one, size = self.demodulator, LONGEST_LIST_SIZE if due else LONG_LIST_SIZE
         count = (DUE_LEVELS if due else LONG_LEVELS) // 2
-        masks: list[InterferenceMask] = []
+        masks: dict[float, InterferenceMask] = {}
 
         def looked() -> list[float]:
             """Return the levels, the most promising first."""
             if not masks and one.purse.pays(LOOK * len(levels)):
-                masks.extend(one.look(view, level, offset) for level in levels)
-            ranked = sorted(range(len(masks)), key=lambda n: -masks[n].promise)
-            return [levels[n] for n in ranked]
+                looks = [(level, one.look(view, level, offset)) for level in levels]
+                masks.update(sorted(looks, key=lambda look: -look[1].promise))
+            return list(masks)
 
         def weighted(tried: list[float], weights: Array, paths: int) -> Iterator[Attempt]:
             for level in tried:
@@ -111,7 +111,7 @@ class Retries:
 
         def covered() -> Iterator[Attempt]:
             for level in looked()[:COVERED_LEVELS]:
-                yield from self._covered(masks[levels.index(level)], level)
+                yield from self._covered(masks[level], level)
 
         def promising() -> Iterator[Attempt]:
             others = [level for level in looked()[:count] if level not in levels[:count]]

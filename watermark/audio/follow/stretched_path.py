@@ -9,7 +9,7 @@ costs. Specification: spec/audio-carrier.md, W48.
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import SuperframeView
+from watermark.audio.follow.align import TURNED_BINS, SuperframeView, choose, thresholds_of
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.interference import POINTS
 from watermark.audio.follow.place_projections import PlaceProjections
@@ -18,7 +18,6 @@ from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
-from watermark.audio.signal.stereo import channels_of
 
 GRID = 2
 """Distance in samples of the places at which a frame is looked for at first."""
@@ -76,19 +75,19 @@ class Paths:
         self._begin = np.floor(centre[0]) - (REACH + MARGIN) * nominal
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
         count = int(around.max()) + REACH + HOP + MARGIN
-        self._sound = tape.read(self._begin, nominal, count)
-        self._side = np.zeros(0)
+        self._sound = tape.read(self._begin, nominal, count).astype(np.float32)
+        self._side = np.zeros(0, dtype=np.float32)
         if isinstance(tape, StereoBuffer):
-            self._side = tape.side.read(self._begin, nominal, count)
+            self._side = tape.side.read(self._begin, nominal, count).astype(np.float32)
+        self._paired = bool(self._side.any())
         self._first = around - REACH
         rows = np.arange(self._first.min(), self._first.max() + 2 * REACH + GRID, GRID * TURNS)
         rows = np.append(rows, rows[-1] + GRID * TURNS)
         self._row = int(rows[0])
-        sound = self._sound.astype(np.float32)
-        frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
+        frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
         cells, slots = demodulator.layout.cells, pilots.cells
         bins = max(cells.last_bin, slots.last_bin)
-        spectra = analyse(frames[rows], HOP, bins)
+        spectra = analyse(frames[rows[0] : rows[-1] + 1 : GRID * TURNS], HOP, bins)
         units = self._units(frames, rows, bins)
         nearest = np.minimum(np.round((rows - rows[0]) / MASKED).astype(np.int64), len(units) - 1)
         apart = float(GRID * TURNS)
@@ -99,9 +98,8 @@ class Paths:
 
     def _units(self, frames: Floats, rows: NDArray[np.int64], bins: int) -> Array:
         """Amplitudes of the mark's unit in frames `MASKED` samples apart, from the first row on."""
-        looked_at = np.arange(rows[0] - HOP, rows[-1] + MASKED, MASKED)
-        power = np.abs(analyse(frames[looked_at], HOP)) ** 2 / 2
-        threshold = self._masker.thresholds(power.astype(np.float64))
+        spectra = analyse(frames[rows[0] - HOP : rows[-1] + MASKED : MASKED], HOP)
+        threshold = thresholds_of(spectra, spectra[:0], self._masker)[0]
         back = HOP // MASKED
         return self._masker.amplitudes(threshold[back:], threshold[:-back])[:, :bins]
 
@@ -156,13 +154,18 @@ class Paths:
         self, places: Array, level: float, expected: Array | None = None
     ) -> tuple[SuperframeView, Array]:
         """View of frames at places, each piece moved to where it fits best; and those places."""
+        from watermark.audio.follow import _kernels
+
         at = places.astype(np.int64)
-        here, units = self._view(at)
         profile, frames = self._demodulator.profile, places.size
-        before, beyond = (self._chosen(at + far)[0] for far in (-FINE_REACH, FINE_REACH))
+        own, earlier = (thresholds_of(*self._both(x), self._masker) for x in (at, at - HOP))
+        bands = self._masker.units(own, earlier)
+        looked_at = (self._chosen(at + far, bands) for far in (-FINE_REACH, 0, FINE_REACH))
+        spectra, amplitudes = zip(*looked_at, strict=True)
+        units = amplitudes[1]
         cells, step = self._demodulator.layout.cells, profile.step(level)
         found = PlaceProjections.of(
-            np.concatenate([before, here, beyond]), units, np.tile(np.arange(frames), 3),
+            np.concatenate(spectra), units, np.tile(np.arange(frames), 3),
             float(FINE_REACH), cells, step=frames,
         )  # fmt: skip
         shape = 2, frames, FINE.size, -1
@@ -177,40 +180,29 @@ class Paths:
         for piece in np.split(np.arange(frames), cuts):
             places[piece] += delays[fit[:, piece].sum(axis=1).argmax()]
         whole = np.floor(places)
-        turn = np.exp(1j * np.outer(places - whole, np.pi / HOP * (np.arange(HOP) + 0.5)))
-        spectra = self._chosen(whole.astype(np.int64))[0] * turn.astype(np.complex64)
-        return SuperframeView(spectra, units, bool(self._side.any())), places
+        best, _ = self._chosen(whole.astype(np.int64), bands)
+        _kernels.turn_bins(best, places - whole, np.pi / HOP, TURNED_BINS)
+        return SuperframeView(best, units, self._paired), places
 
     def on_tape(self, places: Array) -> Array:
         """Places as samples of the tape."""
         return np.asarray(self._begin + places * self._nominal)
 
-    def _view(self, at: NDArray[np.int64]) -> tuple[Spectra, Array]:
-        """Spectra of frames, and amplitudes of the mark's unit in them."""
-        own, channels = self._chosen(at)
-        _, earlier = self._chosen(at - HOP)
-        units = [self._unit(x, y) for x, y in zip(channels, earlier, strict=True)]
-        return own, units[0] if len(units) == 1 else np.choose(self._demodulator.places.bins, units)
-
-    def _chosen(self, at: NDArray[np.int64]) -> tuple[Spectra, list[Spectra]]:
-        """Spectra of frames, each bin from the channel where it stands, and those of channels."""
-        mid = self._spectra(self._sound, at)
-        if not self._side.any():
-            return mid, [mid]
-        channels = list(channels_of(mid, self._spectra(self._side, at)))
+    def _chosen(self, at: NDArray[np.int64], units: Array) -> tuple[Spectra, NDArray[np.float32]]:
+        """Spectra of frames and amplitudes of the mark's unit, see `align.choose`."""
+        mid, side = self._both(at)
         bins = self._demodulator.places.bins
-        return np.choose(bins, channels), channels
+        return choose(mid, side, units, self._masker, bins if self._paired else np.zeros_like(bins))
+
+    def _both(self, at: NDArray[np.int64]) -> tuple[Spectra, Spectra]:
+        """Spectra of frames of the mid and, unless it is silent, of the side."""
+        mid = self._spectra(self._sound, at)
+        return mid, self._spectra(self._side, at) if self._paired else mid[:0]
 
     @staticmethod
-    def _spectra(sound: Array, at: NDArray[np.int64]) -> Spectra:
+    def _spectra(sound: Floats, at: NDArray[np.int64]) -> Spectra:
         frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
-        return np.asarray(analyse(frames[at].astype(np.float32), HOP))
-
-    def _unit(self, own: Spectra, before: Spectra) -> Array:
-        thresholds = (
-            self._masker.thresholds((np.abs(x) ** 2 / 2).astype(np.float64)) for x in (own, before)
-        )
-        return self._masker.amplitudes(*thresholds)
+        return np.asarray(analyse(frames[at], HOP))
 
     def _told(self, level: float) -> tuple[Floats, Floats]:
         """Evidence of cells with unknown bits at each place, (n, 1), and of pilots of either bit.

@@ -32,13 +32,14 @@ def slide(
     """Powers of bands and signed sums over parts of slots in frames `ADVANCE` samples apart.
 
     `count` frames are looked at. wave and turn are the tables of
-    `watermark.audio.signal.mdct.sliding_tables`, signs has one entry per bin. energy[j, r] is
+    `watermark.audio.signal.mdct.sliding_tables`, signs has one entry per bin; their rows go on with
+    zeros to the same length, a multiple of what vectors hold. energy[j, r] is
     scale[j] times that of band j, bins edges[j] on, in frame r; real[p, r] and imaginary[p, r] are
     sums over bins parts[p, 2] to parts[p, 3], the last left out.
     """
-    period, bins, both = wave.shape[1], signs.size, signs.size + 1
-    # The plain transform of the frame: real parts, imaginary parts.
-    x, y = np.zeros(both, dtype=np.float32), np.zeros(both, dtype=np.float32)
+    period, bins = wave.shape[1], signs.size
+    # The plain transform of the frame: real parts, imaginary parts, with a neighbour of the last.
+    x, y = np.zeros(bins + 1, dtype=np.float32), np.zeros(bins + 1, dtype=np.float32)
     x_next, y_next = x[1:], y[1:]
     signed_x, signed_y = np.empty(bins, dtype=np.float32), np.empty(bins, dtype=np.float32)
     power = np.empty(bins, dtype=np.float32)
@@ -48,7 +49,7 @@ def slide(
     own_x, own_y, other_x, other_y = turn[2], turn[3], turn[4], turn[5]
     for i in range(period):
         sample, wave_x, wave_y = sound[i], wave[0, i], wave[1, i]
-        for k in range(both):
+        for k in range(bins):
             x[k] += sample * wave_x[k]
             y[k] += sample * wave_y[k]
     for r in range(count):
@@ -56,7 +57,7 @@ def slide(
             i = ADVANCE * (r - 1)
             d0, d1 = sound[i + period] - sound[i], sound[i + period + 1] - sound[i + 1]
             d2, d3 = sound[i + period + 2] - sound[i + 2], sound[i + period + 3] - sound[i + 3]
-            for k in range(both):
+            for k in range(bins):
                 a = x[k] + ((d0 * a0[k] + d1 * a1[k]) + (d2 * a2[k] + d3 * a3[k]))
                 b = y[k] + ((d0 * b0[k] + d1 * b1[k]) + (d2 * b2[k] + d3 * b3[k]))
                 x[k], y[k] = a * on_x[k] - b * on_y[k], a * on_y[k] + b * on_x[k]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.compiled import njit
-from watermark.audio.search.pilot_scan import PARTS
+from watermark.audio.search.pilot_scan import PARTS, SEGMENT_FRAMES
 
 COSINE = (
     np.float32(0.9985258),
@@ -30,6 +30,9 @@ PAIRED = 2
 FITTING = 16
 """Soft values whose sum fits 8 bits."""
 
+WORD = 8
+"""Turns of a row's phases: their soft values are written as one word, the first one lowest."""
+
 Parts = NDArray[np.int16]
 Soft = NDArray[np.int8]
 
@@ -46,12 +49,12 @@ def pilot_soft(
 ) -> None:
     """soft[s, g, first + i * turns + t] = soft value of cell g in row i, turned by turn[t, g].
 
-    The step is steps[s]; see `watermark.audio.signal.dither`.
+    The step is steps[s]; there are `WORD` turns. See `watermark.audio.signal.dither`.
     """
     turns, count = turn.shape[0], alive.shape[1]
     one = np.float32(1)
     real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
-    value = np.empty((turns, count), dtype=np.int8)
+    value = np.empty((WORD, count), dtype=np.int8)
     for g in range(dither.size):
         for i in range(count):
             real[i], imaginary[i] = projections[g, i].real, projections[g, i].imag
@@ -60,10 +63,25 @@ def pilot_soft(
             for t in range(turns):
                 a, z = turn[t, g].real * pace, turn[t, g].imag * pace
                 soft_row(real, imaginary, alive[g], a, z, dither[g], value[t])
-            out = soft[s, g, first : first + count * turns]
-            for i in range(count):
-                for t in range(turns):
-                    out[i * turns + t] = value[t, i]
+            interleave(value, soft[s, g, first : first + count * turns].view(np.uint64))
+
+
+@njit(cache=True)
+def interleave(value: Soft, words: NDArray[np.uint64]) -> None:
+    """words[i] = bytes value[0, i] to value[7, i], the first of them lowest."""
+    a, b, c, d = value[0], value[1], value[2], value[3]
+    e, f, g, h = value[4], value[5], value[6], value[7]
+    for i in range(words.size):
+        words[i] = (
+            np.uint64(np.uint8(a[i]))
+            | np.uint64(np.uint8(b[i])) << np.uint64(8)
+            | np.uint64(np.uint8(c[i])) << np.uint64(16)
+            | np.uint64(np.uint8(d[i])) << np.uint64(24)
+            | np.uint64(np.uint8(e[i])) << np.uint64(32)
+            | np.uint64(np.uint8(f[i])) << np.uint64(40)
+            | np.uint64(np.uint8(g[i])) << np.uint64(48)
+            | np.uint64(np.uint8(h[i])) << np.uint64(56)
+        )
 
 
 @njit(cache=True)
@@ -111,7 +129,6 @@ def pilot_sums(
     soft: Soft,
     first: int,
     hop: int,
-    segment: int,
     group: NDArray[np.int64],
     mask: Soft,
     sums: Soft,
@@ -119,13 +136,27 @@ def pilot_sums(
     """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
 
     soft[g, first:] holds the soft value at position g for each start of a frame; a segment is
-    `segment` frames, which lie `hop` rows apart.
+    `SEGMENT_FRAMES` frames, which lie `hop` rows apart.
     """
     values = soft.reshape(-1)
     starts = group * soft.shape[1] + first + hop * np.arange(group.size)
-    for s in range(group.size // segment):
-        own = starts[s * segment : (s + 1) * segment]
-        add_rows(values, own, mask[s * segment : (s + 1) * segment], segment, sums[s])
+    for s in range(group.size // SEGMENT_FRAMES):
+        n, end = s * SEGMENT_FRAMES, (s + 1) * SEGMENT_FRAMES
+        add_segment(values, starts[n:end], mask[n:end], sums[s])
+
+
+@njit(cache=True)
+def add_segment(values: Soft, starts: NDArray[np.int64], masks: Soft, total: Soft) -> None:
+    """total[i] += values[starts[n] + i] for all eight n, or less it where masks[n] is -1."""
+    a, b, c, d = values[starts[0] :], values[starts[1] :], values[starts[2] :], values[starts[3] :]
+    e, f, g, h = values[starts[4] :], values[starts[5] :], values[starts[6] :], values[starts[7] :]
+    p, q, r, s = masks[0], masks[1], masks[2], masks[3]
+    t, u, v, w = masks[4], masks[5], masks[6], masks[7]
+    more = np.int8(-(p + q + r + s + t + u + v + w))
+    for i in range(total.size):
+        one = (p ^ a[i]) + (q ^ b[i]) + (r ^ c[i]) + (s ^ d[i])
+        other = (t ^ e[i]) + (u ^ f[i]) + (v ^ g[i]) + (w ^ h[i])
+        total[i] = np.int8(total[i] + more + one + other)
 
 
 @njit(cache=True)
@@ -186,17 +217,35 @@ def best_sum(
     begins.
     """
     places = peak.size
-    score, total = peak.astype(np.float32), peak.copy()
+    total, highest = peak.copy(), highest_of(peak)
+    best, top = np.float32(highest), place_of(peak, highest)
     for n in range(weights.size):
         first = past.size - (n + 1) * lag - reach[n]
         near = highest_near(past[first : first + places + 2 * reach[n]], 2 * reach[n] + 1)
-        weight = weights[n]
         for i in range(places):
             total[i] = np.int16(total[i] + near[i])
-        for i in range(places):
-            score[i] = max(score[i], weight * np.float32(total[i]))
-    top = int(score.argmax())
-    return np.float32(score[top]), top
+        highest = highest_of(total)
+        if weights[n] * np.float32(highest) > best:
+            best, top = weights[n] * np.float32(highest), place_of(total, highest)
+    return best, top
+
+
+@njit(cache=True)
+def highest_of(values: Parts) -> np.int16:
+    """Return the highest value."""
+    highest = LOWEST
+    for i in range(values.size):
+        highest = max(highest, values[i])
+    return highest
+
+
+@njit(cache=True)
+def place_of(values: Parts, wanted: np.int16) -> int:
+    """Return the first place of a value that is there."""
+    place = 0
+    while values[place] != wanted:
+        place += 1
+    return place
 
 
 @njit(cache=True)
@@ -205,7 +254,6 @@ def correlate_pilots(
     first: int,
     places: int,
     hop: int,
-    segment: int,
     slots: NDArray[np.int64],
     masks: Soft,
     pairs: NDArray[np.int64],
@@ -225,15 +273,15 @@ def correlate_pilots(
     `places` starts looked at are written to peaks[n, past:]. slots[n] and masks[n]
     are those of pilot n of each frame, masks by profile.
     """
-    common = np.empty((slots.shape[1] // segment, places + shift.max()), dtype=np.int8)
+    common = np.empty((slots.shape[1] // SEGMENT_FRAMES, places + shift.max()), dtype=np.int8)
     tier = -1
     for n in range(pairs.shape[0]):
         if pairs[n, 0] != tier:
             tier = pairs[n, 0]
             common[:] = np.int8(0)
-            pilot_sums(soft[tier], first, hop, segment, slots[0], masks[0, 0], common)
+            pilot_sums(soft[tier], first, hop, slots[0], masks[0, 0], common)
         sums = common.copy()
-        pilot_sums(soft[tier], first, hop, segment, slots[1], masks[1, pairs[n, 1]], sums)
+        pilot_sums(soft[tier], first, hop, slots[1], masks[1, pairs[n, 1]], sums)
         peak = peaks[n, past : past + places]
         drift_peaks(sums, shift, penalty, peak)
         best[n], top = best_sum(peak, peaks[n, :past], lag, weights, reach)

@@ -20,6 +20,7 @@ from watermark.audio.search.pilot_scan import (
     PARTS,
     ROWS_PER_FRAME,
     SEARCH_HOP,
+    SEGMENT_FRAMES,
     STRIDE,
     make_sight,
     slot_frequencies,
@@ -64,9 +65,6 @@ CLOCK_ERRORS_PPM = np.concatenate(
 
 EXACT_ERRORS_PPM = CLOCK_ERRORS_PPM[:5]
 """Those tried where the clock is thought to be right: clocks err by less than these 240 ppm."""
-
-SEGMENT_FRAMES = 8
-"""Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
 
 CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
 """Correlation that a clock error must be worth, per ppm and at most: most programmes have none."""
@@ -189,9 +187,8 @@ class PilotCorrelator:
         where = np.empty((len(self.pairs), 2), dtype=np.int64)
         weights = np.array(() if alone else WEIGHTS, dtype=np.float32)
         _search_kernels.correlate_pilots(
-            soft, row - self.kept, PLACES, ROW_HOP, SEGMENT_FRAMES, self._slots, self._masks,
-            self.pairs, self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past,
-            best, where,
+            soft, row - self.kept, PLACES, ROW_HOP, self._slots, self._masks, self.pairs,
+            self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past, best, where,
         )  # fmt: skip
         n = int(best.argmax())
         if best[n] < FLOOR:

@@ -3,7 +3,7 @@
 Pilots are the same in every superframe. A stretch correlates them coherently within each
 superframe; here the scores of superframes add up, from stretch to stretch, at the places of one
 period, as long as the clock is as right as clocks are. In: scores of a stretch's places; out: the
-place that stands out. Cost: 200000 additions a stretch, 0.8 MB for each hypothesis that was tried.
+place that stands out. Cost: `hypotheses.COST_EVIDENCE`, 0.8 MB for each hypothesis that was tried.
 """
 
 import math
@@ -51,34 +51,17 @@ class Evidence:
         significance : float
             Deviations by which the evidence there stands above the mean.
         """
-        rounds = -(-peaks.shape[1] // period)
-        padded = np.zeros((len(peaks), rounds * period), dtype=np.float32)
-        level = peaks.mean(axis=1, keepdims=True, dtype=np.float32)
-        padded[:, : peaks.shape[1]] = peaks - level
-        count = np.zeros(rounds * period, dtype=np.float32)
-        count[: peaks.shape[1]] = 1
-        folded = padded.reshape(len(peaks), rounds, period).sum(axis=1)
-        folded /= np.sqrt(np.maximum(count.reshape(rounds, period).sum(axis=0), 1))
-        folded /= folded.std(axis=1, keepdims=True) + np.float32(1e-9)
-        if self._sum is not None:
-            apart = DRIFT * abs(first - self._at)
-            reach = min(math.ceil(apart), FARTHEST)
-            before = np.roll(self._sum, -(first % period), axis=1)
-            near = _highest_near(before, reach)
-            near -= near.mean(axis=1, keepdims=True)
-            folded += np.float32(FADING) * near
-        self._sum, self._at = np.roll(folded, first % period, axis=1), float(first)
-        deviation = folded.std(axis=1, keepdims=True) + np.float32(1e-9)
-        pair, place = np.unravel_index(int((folded / deviation).argmax()), folded.shape)
-        return int(pair), int(place), float(folded[pair, place] / deviation[pair, 0])
+        from watermark.audio.search import _evidence_kernels
 
-
-def _highest_near(values: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Return the highest value within so many places of each, round and round."""
-    near = np.concatenate([values[:, values.shape[1] - reach :], values, values[:, :reach]], axis=1)
-    seen, width = 1, 2 * reach + 1
-    while seen < width:
-        step = min(seen, width - seen)
-        near = np.maximum(near[:, : near.shape[1] - step], near[:, step:])
-        seen += step
-    return near
+        if self._sum is None:
+            self._sum = np.zeros((len(peaks), period), dtype=np.float32)
+        apart = DRIFT * abs(first - self._at)
+        best = np.empty(len(peaks), dtype=np.float32)
+        where = np.empty(len(peaks), dtype=np.int64)
+        _evidence_kernels.add_stretch(
+            peaks.astype(np.float32), first % period, self._sum,
+            min(math.ceil(apart), FARTHEST), np.float32(FADING), best, where,
+        )  # fmt: skip
+        self._at = float(first)
+        pair = int(best.argmax())
+        return pair, int(where[pair]), float(best[pair])

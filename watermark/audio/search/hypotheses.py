@@ -60,14 +60,15 @@ ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 6.0, 10.0, 20.0, 240.0
 """Sound between two tries of turned bands, of what else is likely, of what is less, of tens of
 possibilities, and of speeds that no usual device has."""
 
-COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_STRETCHED = 2.0, 2.0, 1.0, 19.0
+COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_EVIDENCE, COST_STRETCHED = 1.8, 1.5, 0.6, 0.6, 11.0
 """What a try costs, in thousandths of a second of a core of the machine on which it was counted:
-looking at a stretch, correlating at one gain, at all clocks, and pieces."""
+looking at a stretch, correlating at one gain, at all clocks instead of likely ones, adding up
+evidence of a gain, and pieces."""
 
-COST_LATE, COST_ECHO = 4.0, 2.5
-"""The same of finding by how much a channel is late, and an echo."""
+COST_LATE, COST_ECHO, COST_MIX = 4.5, 3.2, 0.6
+"""The same of finding by how much a channel is late, an echo, and of mixing channels."""
 
-COST_SCAN, COST_STEP = 2.0, 1.3
+COST_SCAN, COST_STEP = 2.7, 0.5
 """The same of a search blind to phase: of itself and of each step of pilots."""
 
 
@@ -90,7 +91,7 @@ class ChannelHypothesis:
     pause_s : float
         Sound after which it is worth trying again.
     cost : float
-        See `COST_EXACT`.
+        See `COST_SIGHT`.
     mix : str
         Kind of the mix in which to search, see `watermark.audio.search.channel_mixes`.
     kind : PilotHypothesis
@@ -147,7 +148,7 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
 def _turned(
     name: str, pause_s: float, mix: str, steps: tuple[float, ...] | list[float]
 ) -> ChannelHypothesis:
-    cost = COST_SCAN + COST_STEP * len(steps)
+    cost = COST_SCAN + COST_STEP * len(steps) + (0.0 if mix == MID else COST_MIX)
     return ChannelHypothesis(
         name, pause_s, cost, mix, PilotHypothesis.TURNED, steps=tuple(steps), exact=False,
         stretch_s=STRETCH_S,
@@ -158,8 +159,8 @@ def _plain(
     name: str, pause_s: float, *, mix: str = MID, speed: float = 1.0,
     gains: tuple[float, ...] = (0.0,), exact: bool = True, stretch_s: float = SHORT_STRETCH_S,
 ) -> ChannelHypothesis:  # fmt: skip
-    mixing = {LATE: COST_LATE, ECHO: COST_ECHO}.get(mix, 0.0)
-    looking = COST_SIGHT + COST_GAIN * len(gains) + (0.0 if exact else COST_CLOCKS)
+    mixing = {MID: 0.0, LATE: COST_LATE, ECHO: COST_ECHO}.get(mix, COST_MIX)
+    looking = COST_SIGHT + (COST_GAIN + (COST_EVIDENCE if exact else COST_CLOCKS)) * len(gains)
     return ChannelHypothesis(
         name, pause_s, mixing + looking * stretch_s / SHORT_STRETCH_S, mix, speed=speed,
         gains=gains, exact=exact, stretch_s=stretch_s,

@@ -33,9 +33,15 @@ CENTRE = (DECIMATION - 1) / 2
 ROWS_AT_ONCE = 240
 """Transforms that slide on from one that is made anew: rounding errors do not grow beyond them."""
 
+WIDTH = 32
+"""Bins that a processor's vectors hold between them: tables go on with zeros to so many."""
+
 PARTS = 7
 """Parts of a soft value of 1 in a search: the sum of a segment's 16 pilots fits 8 bits. Rounding
 adds a three hundredth to the noise."""
+
+SEGMENT_FRAMES = 8
+"""Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
 
 LOW_REACH = 6
 """Half the length of the impulse response by which a search's sound is read, samples at its rate:
@@ -69,9 +75,13 @@ class PilotScan:
         masker = make_masker(cells.last_bin)
         self._edges = masker.edges
         bins = int(masker.edges[-1])
-        self._wave, self._turn = sliding_tables(SEARCH_HOP, bins, STRIDE)
+        width = -(-(bins + 1) // WIDTH) * WIDTH
+        self._wave, self._turn = (
+            np.pad(table, [*[(0, 0)] * (table.ndim - 1), (0, width - bins - 1)])
+            for table in sliding_tables(SEARCH_HOP, bins, STRIDE)
+        )
         # The scale of the mark's own transform, which sees DECIMATION times as many samples.
-        self._signs = np.zeros(bins, dtype=np.float32)
+        self._signs = np.zeros(width, dtype=np.float32)
         self._signs[cells.first_bin : cells.last_bin] = (
             np.sqrt(DECIMATION / cells.bins) * cells.signs
         )

@@ -19,13 +19,13 @@ from watermark.audio.search.hypotheses import (
     make_hypotheses,
 )
 
-SPEND = 20.0
+SPEND = 14.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
 SAVED_S = 4.0
 """Sound whose allowance may be saved: what was not spent before is not spent at once later."""
 
-FIRST = 300.0
+FIRST = 240.0
 """Allowance at the start: two rounds of what is likely."""
 
 NOTHING = 0.3

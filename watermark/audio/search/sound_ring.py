@@ -24,12 +24,20 @@ class Stretch:
         The mix and its side.
     nominal : float
         Samples that come for one of the mark's own at its usual speed.
+    first : int, optional
+        Where the stretch begins, where the tape holds more; it ends with the tape.
+
+    Attributes
+    ----------
+    first, end : int
+        Where it begins and ends.
     """
 
-    def __init__(self, tape: StereoBuffer, nominal: float) -> None:
+    def __init__(self, tape: StereoBuffer, nominal: float, first: int | None = None) -> None:
         self.tape, self._low = tape, SampleBuffer()
-        step, count = DECIMATION * nominal, tape.end - tape.first
-        self._low.append(tape.read(tape.first, step, int(count / step), LOW_REACH))
+        self.first, self.end = tape.first if first is None else first, tape.end
+        step, count = DECIMATION * nominal, self.end - self.first
+        self._low.append(tape.read(self.first, step, int(count / step), LOW_REACH))
 
     def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
         """Return the first seconds at the search's rate, as if they came at some speed."""
@@ -84,19 +92,27 @@ class SoundRing:
         if known > tape.end:
             self._append(tape, mix, known - tape.end)
 
-    def stretch(self, mix: ChannelMix, start: int, count: int) -> Stretch:
-        """Return a mix from `start` on; the last one is kept."""
+    def stretch(
+        self, mix: ChannelMix, start: int, count: int, known: StereoBuffer | None = None
+    ) -> Stretch:
+        """Return a mix from `start` on; the last one is kept. `known` is its tape if there is one.
+
+        That one must hold all from `start` to its end, `count` samples later.
+        """
         if self._kept is None or self._kept[:2] != (mix, start):
-            tape = StereoBuffer(start)
-            self._append(tape, mix, count)
-            self._kept = mix, start, Stretch(tape, self._nominal)
+            tape = known
+            if tape is None:
+                tape = StereoBuffer(start)
+                self._append(tape, mix, count)
+            self._kept = mix, start, Stretch(tape, self._nominal, start)
         return self._kept[2]
 
     def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
         """Append a mix, and its rest."""
-        start, (late, own, aside), side = tape.end, mix.echo, mix.side
-        beside = np.zeros(count) if side is None else self._mixed(side, start, count)
-        sound = self._mixed(mix, start, count)
+        start, (late, own, aside) = tape.end, mix.echo
+        parts = self._parts(mix, start, count)
+        beside = np.zeros(count) if mix.side is None else parts[0] - parts[1]
+        sound = sum(parts[1:], start=parts[0])
         step = late or max(count, 1)
         for first in range(0, count, step):
             cut = slice(first, first + step)
@@ -106,11 +122,11 @@ class SoundRing:
                 beside[cut] -= aside * tape.side.read(before, 1.0, size)
             tape.append_pair(sound[cut], beside[cut])
 
-    def _mixed(self, mix: ChannelMix, start: int, count: int) -> NDArray[np.float64]:
-        out = None
-        for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
-            if weight:
-                part = sound.read(start + (mix.skew if channel == 1 else 0), 1.0, count)
-                part *= weight
-                out = part if out is None else np.add(out, part, out=out)
-        return np.zeros(count) if out is None else out
+    def _parts(self, mix: ChannelMix, start: int, count: int) -> list[NDArray[np.float64]]:
+        """Return what each channel of some weight adds to a mix."""
+        skews = [mix.skew if channel == 1 else 0.0 for channel in range(len(mix.weights))]
+        return [
+            weight * sound.read(start + skew, 1.0, count)
+            for weight, sound, skew in zip(mix.weights, self._sounds, skews, strict=True)
+            if weight
+        ] or [np.zeros(count)]

@@ -15,6 +15,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+AT_ONCE = 64
+"""Frames that are transformed at once: their spectra stay near the processor."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Tables:
@@ -68,10 +71,13 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
     own, following = tables.own[:count], tables.next[:count]
     if frames.dtype == np.float32:
         own, following = own.astype(np.complex64), following.astype(np.complex64)
-    spectrum = scipy.fft.rfft(frames, axis=1)
-    lapped = spectrum[:, :count] * own
-    lapped += spectrum[:, 1 : count + 1] * following
-    return np.asarray(lapped)
+    lapped = np.empty((len(frames), count), dtype=own.dtype)
+    for first in range(0, len(frames), AT_ONCE):
+        spectrum = scipy.fft.rfft(frames[first : first + AT_ONCE], axis=1)
+        part = lapped[first : first + AT_ONCE]
+        np.multiply(spectrum[:, :count], own, out=part)
+        part += spectrum[:, 1 : count + 1] * following
+    return lapped
 
 
 def sliding_tables(

@@ -46,13 +46,13 @@ ROUNDS = 14
 """Halvings of the interval in which the noise is sought."""
 
 
-def coder_noise(spectra: list[NDArray[Any]], masker: Masker, bits: float) -> NDArray[np.float64]:
+def coder_noise(powers: list[NDArray[Any]], masker: Masker, bits: float) -> NDArray[np.float64]:
     """Power per bin of the noise that a coder of constant rate would leave in the first signal.
 
     Parameters
     ----------
-    spectra : list of ndarray of complex128 or complex64, shape (64, HOP)
-        Mid, and side where there is one: they share the bits.
+    powers : list of ndarray of float64 or float32, shape (64, HOP)
+        Expected powers of the mid, and of the side where there is one: they share the bits.
     masker : Masker
         Bands and spreading.
     bits : float
@@ -65,8 +65,7 @@ def coder_noise(spectra: list[NDArray[Any]], masker: Masker, bits: float) -> NDA
     """
     widths = np.diff(masker.edges)
     excess, shaped = [], []
-    for spectrum in spectra:
-        power = np.abs(spectrum) ** 2 / 2
+    for power in powers:
         energy = np.add.reduceat(power, masker.edges[:-1], axis=1) / widths
         spread = np.maximum(energy @ masker.matrix, QUIETEST)
         shaped.append(REFERENCE * (spread / REFERENCE) ** EXPONENT)
