@@ -61,6 +61,8 @@ class VideoRow:
         Superframes without even L0; those that arrived with wrong bytes.
     tune_in_median_s, tune_in_p95_s : float
         Time to the first superframe from random frames of what arrives.
+    offset_ms : float or None
+        Median delay of the positions of superframes with the right L0; None if there are none.
     ber : float
         Wrong bits before correction.
     psnr_db, ssim, vmaf : float
@@ -83,6 +85,7 @@ class VideoRow:
     wrong: int
     tune_in_median_s: float
     tune_in_p95_s: float
+    offset_ms: float | None
     ber: float
     psnr_db: float
     ssim: float
@@ -310,12 +313,14 @@ class _Trial:
         found += receiver.flush()
         right: set[int] = set()
         whole: set[int] = set()
+        offsets_ms: list[float] = []
         wrong = 0
         for superframe in found:
             k = round(superframe.position_s / SUPERFRAME_S)
             l0, l1 = self._payload(max(0, k))
             if superframe.l0 == l0:
                 right.add(k)
+                offsets_ms.append(1000 * (superframe.position_s - k * SUPERFRAME_S))
                 if superframe.l1 == l1:
                     whole.add(k)
             wrong += superframe.l0 not in (None, l0) or superframe.l1 not in (None, l1)
@@ -336,6 +341,7 @@ class _Trial:
             wrong=wrong,
             tune_in_median_s=float(np.median(waits_s)),
             tune_in_p95_s=float(np.quantile(waits_s, 0.95)),
+            offset_ms=float(np.median(offsets_ms)) if offsets_ms else None,
             ber=receiver.stage.ber_estimate,
             psnr_db=quality.psnr_db,
             ssim=quality.ssim,

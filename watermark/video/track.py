@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
+from watermark.video.borders import BorderClock
 from watermark.video.demodulate import Soft, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
@@ -29,16 +30,9 @@ THRESHOLD = 0.16
 MAX_MISSES = 6
 """Superframes in a row without L0 after which the lock of a lone carrier is given up."""
 
-TRACKING = 2.0
-"""Frames that the clock moves for a full difference between the flanks of a peak."""
-
 OTHER_MODE = 0.06
 """Agreement that another mode needs beyond the present one's: about twice the deviation of noise,
 since both share three fifths of the pilots' bits."""
-
-UNEVEN = 0.25
-"""Difference between the flanks that tells nothing where there is no agreement: noise, and coders
-that repeat cells. With full agreement every difference tells something."""
 
 ATTEMPTS = 4
 """Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
@@ -83,6 +77,8 @@ class VideoTracker:
         self._pilot_textures: tuple[tuple[int, ...] | None, FloatArray] = None, np.zeros(0)
         self._pilot_cells = self._watch.positions % (ROWS * COLUMNS)
         self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
+        self._clock = BorderClock(timing, self._watch)
+        self._clocked = 0  # frames that the clock has seen
         self._count = 0
         self._due: float | None = None
         self._last = -math.inf
@@ -139,10 +135,27 @@ class VideoTracker:
         if decoded.l0 is None:
             return []
         self._mode = mode
-        before = self._before(start + offset) if self._due is None else []
-        return [*before, self._deliver(float(start + offset), soft, decoded)]
+        place = float(start + offset)
+        if self._due is None:
+            # The frames before may lack the mark.
+            self._clock.clear()
+            self._clocked = start + offset
+        place = self._on_time(place)
+        before = self._before(place) if self._due is None else []
+        return [*before, self._deliver(place, soft, decoded)]
 
-    def _before(self, start: int) -> list[ReceivedSuperframe]:
+    def _on_time(self, place: float) -> float:
+        """Correct the place of a window by the borders of the frames so far."""
+        first = max(self._clocked, self._count - len(self._frames))
+        values = [self._frames[n][self._watch.positions] for n in range(first - self._count, 0)]
+        if values:
+            texture = self._texture(round(place))[self._pilot_cells]
+            self._clock.add(first, np.array(values), texture)
+        self._clocked = self._count
+        lead = (self._timing.span - self._timing.window) / 2
+        return place + self._clock.correction(place - lead)
+
+    def _before(self, start: float) -> list[ReceivedSuperframe]:
         """Decode the superframe before the first one: its pilots alone may have been too weak."""
         place = start - self._timing.span
         if place < max(self._count - len(self._frames), self._last + self._timing.span / 2):
@@ -168,14 +181,11 @@ class VideoTracker:
         if decoded.l0 is not None:
             self._mode = mode
         assert self._due is not None
-        if offset == 0:
-            # A peak may be flat (a still picture); its flanks then tell where its middle is.
-            flanks = float(agreement[-1, mode] - agreement[0, mode])
-            centre = float(agreement[self._guard, mode])
-            surplus = float(np.sign(flanks)) * max(0.0, abs(flanks) - UNEVEN * (1 - centre))
-            nudge = TRACKING * surplus / max(centre, THRESHOLD)
-            return self._deliver(self._due + nudge, soft, decoded)
-        return self._deliver(self._due + offset, soft, decoded)
+        if decoded.l0 is None:
+            return self._deliver(self._due, soft, decoded)
+        if offset:
+            self._clock.clear()
+        return self._deliver(self._on_time(self._due + offset), soft, decoded)
 
     def _attempt(self, start: int, mode: int) -> tuple[int, Soft, Decoded]:
         """Decode the window that starts here, or if that fails one close by.

@@ -50,6 +50,8 @@ def test_rows(tmp_path: Path) -> None:
         assert row.ssim > 0.99
         assert row.flicker < row.own_noise
         assert row.tune_in_median_s == row.tune_in_p95_s < 1
+        assert row.offset_ms is not None
+        assert abs(row.offset_ms) < 10
         assert row.vmaf is None or row.vmaf > 90
     assert rows[0].ber < rows[1].ber
 

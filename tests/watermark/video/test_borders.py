@@ -1,0 +1,44 @@
+"""Borders of superframes from single frames: noise has none, late ones are found."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from watermark.video.borders import BorderClock
+from watermark.video.modes import PilotWatch
+from watermark.video.profile import PILOTS
+from watermark.video.timing import Timing
+
+WATCH, TIMING = PilotWatch(), Timing(Fraction(24000, 1001))
+
+
+def frames(count: int, late: float, noise: float) -> np.ndarray:
+    """Amplitudes of pilots in frames of alternating superframes, `late` frames late."""
+    layout, step = WATCH.modes[0].layout, WATCH.modes[0].pilot_step
+    times = (np.arange(count) + 0.5 - late) / TIMING.span
+    away = 0.5 * np.arcsin(np.sin(np.pi * times)) / (np.pi / 2)  # a triangle: distance from borders
+    odd = np.clip(0.5 - 8 * away / 2, 0, 1)
+    even, inverted = (layout.dither[WATCH.positions] + (layout.pilot_bits ^ p) / 2 for p in (0, 1))
+    clean = step * (np.outer(1 - odd, even) + np.outer(odd, inverted))
+    return clean + np.random.default_rng(count).normal(0, noise, clean.shape)
+
+
+def test_late_borders_are_found() -> None:
+    for late in (-2.6, 0.3, 1.7):
+        clock = BorderClock(TIMING, WATCH)
+        clock.add(0, frames(60, late, 0.9), np.zeros(PILOTS))
+        # A tenth of a frame is 4 ms.
+        assert abs(clock.correction(0.0) - late) < 0.2
+        assert abs(clock.correction(2 * TIMING.span) - late) < 0.2
+        clock.clear()
+        assert clock.correction(0.0) == 0.0
+
+
+def test_noise_moves_nothing() -> None:
+    moved = 0
+    for seed in range(20):
+        clock = BorderClock(TIMING, WATCH)
+        values = np.random.default_rng(seed).normal(0, 5, (60, PILOTS))
+        clock.add(0, values, np.zeros(PILOTS))
+        moved += clock.correction(0.0) != 0.0
+    assert moved <= 2
