@@ -182,13 +182,49 @@ def waves_into(
 
 
 @njit(cache=True)
-def accumulate_into(frame: NDArray[np.uint16], scale: float, out: PixelArray) -> None:
-    """Add a small frame, scaled; out : (rows, columns)."""
-    factor = np.float32(scale)
+def accumulate_into(frame: NDArray[np.uint16], factor: int, out: NDArray[np.int32]) -> None:
+    """Add a small frame `factor` times; out : (rows, columns)."""
+    times = np.int32(factor)
     for y in range(out.shape[0]):
         line, total = frame[y], out[y]
         for x in range(total.shape[0]):
-            total[x] += factor * np.float32(line[x])
+            total[x] += times * np.int32(line[x])
+
+
+@njit(cache=True)
+def scale_into(frame: NDArray[Any], factor: float, out: PixelArray) -> None:
+    """Multiply a small frame or a sum of them; out : (rows, columns)."""
+    unit = np.float32(factor)
+    for y in range(out.shape[0]):
+        line, scaled = frame[y], out[y]
+        for x in range(scaled.shape[0]):
+            scaled[x] = unit * np.float32(line[x])
+
+
+@njit(cache=True)
+def shares_into(
+    texture: PixelArray, left: float, top: float, width: float, height: float, pilots: IntArray,
+    cell: int, limits: FloatArray, blur: float, out: FloatArray,
+) -> None:  # fmt: skip
+    """Probabilities of the pilots' lattices at a place, as `watermark.video.lattices` has them.
+
+    texture : of cells of `cell` pixels that start at every second pixel; left, top : of the place
+    in pixels; width, height : of its cells; pilots : (count, 3); limits : (2,), logarithms of the
+    seen textures from which the next lattice is likelier; out : (3, count).
+    """
+    rows, columns = texture.shape
+    for p in range(pilots.shape[0]):
+        x = left + width * (pilots[p, 2] + 0.5)
+        y = top + height * (pilots[p, 1] + 0.5)
+        i = int(min(max((y - cell / 2) / 2 + 0.5, 0.0), rows - 1.0))
+        j = int(min(max((x - cell / 2) / 2 + 0.5, 0.0), columns - 1.0))
+        seen = np.log(max(float(texture[i, j]), 1e-3))
+        rest = 1.0
+        for k in range(limits.shape[0]):
+            above = 1 / (1 + np.exp(-min(max((seen - limits[k]) / blur, -30.0), 30.0)))
+            out[k, p] = rest - above
+            rest = above
+        out[limits.shape[0], p] = rest
 
 
 @njit(cache=True)

@@ -7,6 +7,7 @@ spec/video-carrier.md, section 6.
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,7 @@ class VideoTracker:
         self._count = 0
         self._due: float | None = None
         self._last = -math.inf
+        self._newest: tuple[int, bytes] | None = None
         self._misses = 0
         self._mode = 0
         self.errors = self.known = 0
@@ -215,7 +217,11 @@ class VideoTracker:
         values = np.array([self._frames[first + i] for i in range(self._timing.window)])
         soft = soft_bits(values.mean(axis=0), values.var(axis=0), mode, self._texture(start))
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
-        return soft, mode.link.decode(soft.ratios)
+        decoded = mode.link.decode(soft.ratios)
+        if (soft.parity, decoded.l0) == self._newest and start > self._last + self._guard:
+            # Coders and frozen pictures show a pattern on: its neighbours have the other parity.
+            decoded = replace(decoded, l0=None, l1=None)
+        return soft, decoded
 
     def _deliver(self, place: float, soft: Soft, decoded: Decoded) -> ReceivedSuperframe:
         """Hand a superframe out and note when the next one is due."""
@@ -225,6 +231,8 @@ class VideoTracker:
         self.known += int(known.sum())
         self.profile = self._watch.modes[self._mode].profile
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
+        if decoded.l0 is not None:
+            self._newest = soft.parity, decoded.l0
         self._last = place
         self._due = place + self._timing.span if self._misses <= self.patience else None
         return ReceivedSuperframe(

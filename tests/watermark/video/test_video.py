@@ -143,6 +143,14 @@ def test_still_picture() -> None:
     assert found[6].position_s == pytest.approx(6 * 0.64 - 7 / 25, abs=0.01)
 
 
+def test_frozen_pattern_is_one_superframe() -> None:
+    give = source("standard")
+    marked = mark([picture(n) for n in range(48)], VideoEmbedder(WIDTH, HEIGHT, 25, give))
+    shown = marked[:32] + marked[18:30] * 3
+    found = receive(shown, VideoReceiver(WIDTH, HEIGHT, 25))
+    assert [s.l0 for s in found] == [give(0)[0], give(1)[0], None, None]
+
+
 def test_splice_is_found_again() -> None:
     give = source("standard")
     frames = [picture(n) for n in range(96)]
