@@ -29,6 +29,7 @@ from watermark.audio.follow.purse import (
     DecodingPurse,
     Ventures,
 )
+from watermark.audio.follow.recurrence import PlacedCandidate, Recurrences
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track, TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
@@ -96,20 +97,19 @@ class AudioReceiver:
 
     def __init__(self, fs: int, channels: int, *, key: int = 0, guess: bool = True) -> None:
         check_format(fs, channels)
-        self._guessing = guess
-        self._fs, self._channels, self._key = fs, channels, key
+        self._guessing, self._fs, self._channels, self._key = guess, fs, channels, key
         self._nominal = fs / FS
         self._quantum = SLOT_FRAMES * HOP * fs // FS
-        self._purse = DecodingPurse()
-        self._ventures = Ventures(self._purse)
+        self._ventures = Ventures(purse := DecodingPurse())
+        self._purse = purse
         self._reader = TrackReader(key, self._nominal, self._purse)
         self._stretched = StretchedFollower(key, fs, self._nominal, self._reader)
         self._attempts = CandidateReader(key, self._nominal, self._reader)
         self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
-        self._tape = StereoBuffer()
-        self._now = 0
+        self._tape, self._now = StereoBuffer(), 0
         self._follower = TrackFollower(fs, self._nominal, self._reader, self._purse)
+        self._recurrences = Recurrences()
         self._start_search(0.0)
         self._hunter = HypothesisHunter(
             key, fs, channels, self._nominal, self._ring, self._attempts, self._follower,
@@ -179,6 +179,8 @@ class AudioReceiver:
             self._purse.charge(SEARCH * self._quantum / self._fs)
         while (candidate := self._next_candidate()) is not None:
             found += self._try(candidate)
+        while self._search and (again := self._recurrences.due(self._tape)):
+            found += self._read(again)
         while self._follower.complete(self._tape):
             found += self._follow()
         while self._stretched.complete(self._tape):
@@ -194,12 +196,10 @@ class AudioReceiver:
         return found
 
     def _use(self, mix: ChannelMix) -> None:
-        """Listen to another mix from here on, and to its sound in memory."""
+        """Listen to another mix from here on, and in memory."""
         if mix != self._mix:
             self._mix, self._tape = mix, StereoBuffer(self._ring.first)
             self._ring.extend(self._tape, self._mix, self._now)
-
-    # Searching
 
     def _next_candidate(self) -> Candidate | None:
         """Run the search over the sound that has arrived, up to its next candidate."""
@@ -221,6 +221,7 @@ class AudioReceiver:
         if track is not None:
             self._pace, self._offset = track.ratio, track.offset
             self._equaliser = track.equaliser
+        self._recurrences.forget()
         self._search: PilotSearch | None = PilotSearch(
             self._key,
             scale=2 ** (self._offset / 4),
@@ -234,8 +235,13 @@ class AudioReceiver:
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
         """Decode at a candidate of the usual search, and lock there if the check accepts it."""
-        sound = AssumedSound(self._pace, self._offset, self._equaliser)
-        position = self._origin + candidate.start * sound.pace
+        position = self._origin + candidate.start * self._pace
+        return self._read(self._recurrences.note(PlacedCandidate(position, self._pace, candidate)))
+
+    def _read(self, placed: PlacedCandidate) -> list[ReceivedSuperframe]:
+        """Decode at a candidate's place."""
+        position, candidate = placed.position, placed.candidate
+        sound = AssumedSound(placed.pace, self._offset, self._equaliser)
         new = self._follower.is_new(position, sound.pace)
         likely = candidate.significance >= ON_CREDIT
         kept = self._kept() or (LOST if self._guessing and not likely else 0.0)
