@@ -31,7 +31,8 @@ from watermark.audio.follow.purse import (
 )
 from watermark.audio.follow.recurrence import PlacedCandidate, Recurrences
 from watermark.audio.follow.stretched import StretchedFollower
-from watermark.audio.follow.track import Track, TrackReader
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
 from watermark.audio.search.channel_mixes import ChannelMix, usual_mix
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
@@ -78,8 +79,7 @@ class AudioReceiver:
     Attributes
     ----------
     patience : int
-        Superframes in a row that may fail before the lock is given up; more pay where another
-        carrier bears the same ones.
+        Superframes in a row that may fail; more pay where another carrier bears the same.
 
     Raises
     ------
@@ -136,7 +136,7 @@ class AudioReceiver:
 
     @property
     def untried(self) -> int:
-        """Attempts at decoding that were left out, as the sound had not paid for them."""
+        """Attempts at decoding left out, as the sound had not paid for them."""
         return self._purse.untried
 
     def process(self, block: NDArray[np.float32]) -> list[ReceivedSuperframe]:
@@ -166,14 +166,14 @@ class AudioReceiver:
         -------
         list of ReceivedSuperframe
         """
-        padding = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
-        found = self.process(np.zeros((padding, self._channels), dtype=np.float32))
+        rest = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
+        found = self.process(np.zeros((rest, self._channels), dtype=np.float32))
         return found + self._follower.read_past(self._tape, whole=True)
 
     def _step(self) -> list[ReceivedSuperframe]:
-        found: list[ReceivedSuperframe] = []
-        self._purse.earn(self._quantum / self._fs)
-        self._ventures.earn(self._quantum / self._fs)
+        found = list[ReceivedSuperframe]()
+        for allowance in (self._purse, self._ventures):
+            allowance.earn(self._quantum / self._fs)
         self._ring.extend(self._tape, self._mix, self._now)
         if self._search is not None:
             self._purse.charge(SEARCH * self._quantum / self._fs)
@@ -234,12 +234,12 @@ class AudioReceiver:
         return DUE if self._follower.misses < FAILED_BEFORE_GUESSING else 0.0
 
     def _try(self, candidate: Candidate) -> list[ReceivedSuperframe]:
-        """Decode at a candidate of the usual search, and lock there if the check accepts it."""
-        position = self._origin + candidate.start * self._pace
-        return self._read(self._recurrences.note(PlacedCandidate(position, self._pace, candidate)))
+        """Try a candidate of the usual search."""
+        start = self._origin + candidate.start * self._pace
+        return self._read(self._recurrences.note(PlacedCandidate(start, self._pace, candidate)))
 
     def _read(self, placed: PlacedCandidate) -> list[ReceivedSuperframe]:
-        """Decode at a candidate's place."""
+        """Decode at a candidate's place, and lock there if the check accepts it."""
         position, candidate = placed.position, placed.candidate
         sound = AssumedSound(placed.pace, self._offset, self._equaliser)
         new = self._follower.is_new(position, sound.pace)

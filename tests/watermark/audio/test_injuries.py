@@ -14,7 +14,8 @@ from tests.watermark.audio.test_carrier import embed, host, payload, receive
 from watermark.audio.follow.align import SuperframeView, find_delay, read_view
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import PHASES, Equaliser, KnownCells, lean, path_of
-from watermark.audio.follow.track import FOLLOW, Track, TrackReader
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import FOLLOW, TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.acquire import CLOCK_ERRORS_PPM
 from watermark.audio.search.channel_mixes import find_mix, kinds_of

@@ -20,7 +20,8 @@ from watermark.audio.follow.align import CLUE_LIMIT, SuperframeView, read_view
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.reliability import LARGEST_EXPONENT, LIMITS
-from watermark.audio.follow.track import Track, TrackReader
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import make_masker

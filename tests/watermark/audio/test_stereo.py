@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from tests.watermark.audio.test_carrier import embed, host, payload, receive
 from watermark.audio.embed.stereo_design import LEANING_PERIOD, leaning_of
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.track import Track, TrackReader
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.layout import make_pilots

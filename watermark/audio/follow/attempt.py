@@ -15,7 +15,8 @@ from watermark.audio.follow.align import SuperframeView, search_fit
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
 from watermark.audio.follow.purse import Ventures
-from watermark.audio.follow.track import Track, TrackReader, as_used, likely_phases
+from watermark.audio.follow.track import Track, as_used, likely_phases
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.acquire import Candidate
 from watermark.audio.search.rotated_search import RotatedCandidate
 from watermark.audio.signal.layout import make_pilots

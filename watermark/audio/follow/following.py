@@ -25,7 +25,8 @@ from watermark.audio.follow.purse import (
     VIEW,
     DecodingPurse,
 )
-from watermark.audio.follow.track import FOLLOW, Track, TrackReader, as_used, received
+from watermark.audio.follow.track import Track, as_used, received
+from watermark.audio.follow.track_reader import FOLLOW, TrackReader
 from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe

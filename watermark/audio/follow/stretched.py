@@ -9,12 +9,11 @@ ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
 Specification: spec/audio-carrier.md, W48.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.purse import (
@@ -25,8 +24,10 @@ from watermark.audio.follow.purse import (
     PIECES_VIEW,
 )
 from watermark.audio.follow.retries import LONGEST_LIST_SIZE
-from watermark.audio.follow.stretched_path import MARGIN, REACH, Paths
-from watermark.audio.follow.track import Track, TrackReader, received
+from watermark.audio.follow.stretched_path import MARGIN, REACH, PathReading, Paths
+from watermark.audio.follow.stretched_place import APART, FRAMES, StretchedPlace, even_start
+from watermark.audio.follow.track import Track, received
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.stretched_search import StretchedCandidate
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
@@ -47,23 +48,6 @@ TEMPI = (25 / 24, 24 / 25)
 """Of films at 24 pictures a second that are played at 25, and the way back: what a single
 superframe, whose jumps may be anywhere, does not tell."""
 
-MOST_TEMPO, APART = 0.06, 0.01
-"""Largest change of duration that is followed, and how far tempi lie apart that are both tried."""
-
-PRIOR = 2.0
-"""Superframes that the tempo at first counts for beside those that were read."""
-
-SETTLED = 4
-"""Superframes that were read after which the tempo is known."""
-
-MAX_MISSES, MAX_UNSETTLED = 6, 1
-"""Superframes in a row that may fail before the lock is given up, and while the tempo is not known:
-the place of the next one is not, either."""
-
-EVEN, MAX_EVEN = 1.0, 4
-"""Samples that are no jump, and superframes in a row without one after which the sound is left to
-the usual search."""
-
 UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""
 
@@ -76,71 +60,7 @@ LATEST = 2.0
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
 """Levels tried beside that of the superframe before."""
 
-FRAMES = np.arange(FRAMES_PER_SUPERFRAME, dtype=np.float64)
-"""Numbers of a superframe's frames."""
-
 Array = NDArray[np.float64]
-
-
-@dataclass(slots=True)
-class _Place:
-    """Where the next superframe is expected.
-
-    Attributes
-    ----------
-    position : float
-        Where it begins at an even pace: samples of the tape.
-    piece : float or None
-        Where it begins if the last piece goes on; None where that is not known.
-    tempo : float
-        Nominal duration of superframes over that which is heard, as far as is known.
-    assumed : float
-        The tempo assumed at first.
-    origin : float
-        Where the first superframe began.
-    level : float
-        Level of the superframe before.
-    count, read : int
-        Superframes since the first, and those of them that were read.
-    misses, even : int
-        Superframes in a row that failed, and that had their nominal duration.
-    """
-
-    position: float
-    tempo: float
-    assumed: float
-    origin: float
-    level: float
-    piece: float | None = None
-    count: int = 0
-    read: int = 0
-    misses: int = 0
-    even: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class _Look:
-    """A superframe's frames along one path.
-
-    Attributes
-    ----------
-    view : SuperframeView
-        There.
-    level : float
-        That was assumed.
-    places : ndarray of float64, shape (64,)
-        Where they begin, samples of the tape.
-    tempo : float
-        At which they were looked for.
-    reading : SuperframeReading
-        The result.
-    """
-
-    view: SuperframeView
-    level: float
-    places: Array
-    tempo: float
-    reading: SuperframeReading
 
 
 class StretchedFollower:
@@ -161,7 +81,7 @@ class StretchedFollower:
     def __init__(self, key: int, fs: int, nominal: float, reader: TrackReader) -> None:
         self._key, self._fs, self._nominal, self._reader = key, fs, nominal, reader
         self._pilots, self._masker = make_pilots(key), make_masker()
-        self._place: _Place | None = None
+        self._place: StretchedPlace | None = None
         self._first: tuple[SuperframeReading, Array] | None = None
         self._demodulator: Demodulator | None = None
 
@@ -201,15 +121,15 @@ class StretchedFollower:
         centre = candidate.places * self._nominal + start
         levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
         paths = self._paths(tape, centre)
-        looked_at = list[_Look]()
+        looked_at = list[PathReading]()
         read = self._brief(paths, levels, None, looked_at) or self._again(looked_at, due=False)
         if read is None:
             return False
         reading, places = read.reading, read.places
         heard = float(places[-1] - places[0]) / (FRAMES_PER_SUPERFRAME - 1)
         tempo = min(TEMPI, key=lambda likely: abs(likely * heard - HOP * self._nominal))
-        first = self._even_start(places, tempo)
-        self._place = _Place(first, tempo, tempo, first, reading.level)
+        first = even_start(places, tempo, self._nominal)
+        self._place = StretchedPlace(first, tempo, tempo, first, reading.level, self._nominal)
         self._first = reading, places
         return True
 
@@ -224,7 +144,8 @@ class StretchedFollower:
         if place.position > told + SUPERFRAME * self._nominal / 2:
             one = self._received(reading, place.position)
             found = [*self._read_back(tape, place, told), one]
-        self._learn(place, reading, places, place.tempo)
+        place.learn(reading.level, places, place.tempo)
+        self.demodulator.learn(reading)
         return found
 
     def complete(self, tape: SampleBuffer) -> bool:
@@ -243,48 +164,26 @@ class StretchedFollower:
             return []
         position = place.position
         if not self._reader.purse.affords(PIECES_READ):
-            self._miss(place)
-            return []
+            return self._miss(place)
         reading, places, tempo = self._read(tape, place)
         if reading.decoded.l0 is not None:
-            self._learn(place, reading, places, tempo)
-            if place.even >= MAX_EVEN:
+            place.learn(reading.level, places, tempo)
+            self.demodulator.learn(reading)
+            if place.unstretched:
                 self._place = None
-            return [self._received(reading, self._even_start(places, place.tempo))]
+            return [self._received(reading, even_start(places, place.tempo, self._nominal))]
         self._miss(place)
         return [] if self._place is None else [self._received(reading, position)]
 
-    def _miss(self, place: _Place) -> None:
-        """Go on to the next superframe from one that was not read; give the lock up in time."""
-        place.count, place.misses, place.piece = place.count + 1, place.misses + 1, None
-        place.position += SUPERFRAME * self._nominal / place.tempo
-        if place.misses > (MAX_MISSES if place.read >= SETTLED else MAX_UNSETTLED):
+    def _miss(self, place: StretchedPlace) -> list[ReceivedSuperframe]:
+        """Go on from a superframe that was not read; give the lock up in time."""
+        place.miss()
+        if place.lost:
             self._place = None
-
-    def _even_start(self, places: Array, tempo: float) -> float:
-        """Where a superframe would begin at an even pace."""
-        return float(np.median(places - HOP * self._nominal / tempo * FRAMES))
-
-    def _learn(
-        self, place: _Place, reading: SuperframeReading, places: Array, tempo: float
-    ) -> None:
-        """Place the next superframe by one that was read."""
-        nominal = SUPERFRAME * self._nominal
-        if place.read < SETTLED:
-            place.assumed = tempo
-        place.count, place.read = place.count + 1, place.read + 1
-        end = self._even_start(places, place.assumed) + nominal / place.assumed
-        heard = end - place.origin + PRIOR * nominal / place.assumed
-        mean = (place.count + PRIOR) * nominal / heard
-        place.tempo = min(max(mean, 1 - MOST_TEMPO), 1 + MOST_TEMPO)
-        jumps = np.abs(np.diff(places) - HOP * self._nominal) > EVEN
-        place.even = 0 if jumps.any() else place.even + 1
-        place.position, place.piece = end, float(places[-1]) + HOP * self._nominal
-        place.level, place.misses = reading.level, 0
-        self.demodulator.learn(reading)
+        return []
 
     def _read_back(
-        self, tape: SampleBuffer, place: _Place, told: float
+        self, tape: SampleBuffer, place: StretchedPlace, told: float
     ) -> list[ReceivedSuperframe]:
         """Read superframes that were on air before one that was found; correct its tempo."""
         found: list[ReceivedSuperframe] = []
@@ -302,24 +201,24 @@ class StretchedFollower:
                 past.position -= nominal / past.tempo
                 continue
             failed, past.tempo = 0, tempo
-            past.position = self._even_start(places, tempo)
+            past.position = even_start(places, tempo, self._nominal)
             found.insert(0, self._received(reading, past.position))
         if found:
             place.tempo = place.assumed = past.tempo
         return found
 
     def _read(
-        self, tape: SampleBuffer, place: _Place, *, back: bool = False
+        self, tape: SampleBuffer, place: StretchedPlace, *, back: bool = False
     ) -> tuple[SuperframeReading, Array, float]:
         """Read the superframe that begins at a place, or ends there; return its tempo.
 
         As long as little is known of the tempo, others are tried.
         """
         others = [tempo for tempo in TEMPI if abs(tempo - place.tempo) > APART]
-        tempi = [place.tempo, *others] if place.read < SETTLED else [place.tempo]
+        tempi = [place.tempo] if place.settled else [place.tempo, *others]
         near = [place.level + beside for beside in LEVELS_BESIDE]
         levels = [level for level in near if 0 <= level < len(LEVELS)]
-        looked_at = list[_Look]()
+        looked_at = list[PathReading]()
         for n, tempo in enumerate(tempi):
             if n and not self._reader.purse.affords(PIECES_READ):
                 break
@@ -338,9 +237,9 @@ class StretchedFollower:
         return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
 
     def _brief(
-        self, paths: Paths, levels: list[float], first: float | None, looked_at: list[_Look],
+        self, paths: Paths, levels: list[float], first: float | None, looked_at: list[PathReading],
         tempo: float = 1.0,
-    ) -> _Look | None:  # fmt: skip
+    ) -> PathReading | None:  # fmt: skip
         """Read briefly along the likeliest paths, the first of them from `first` on if given.
 
         Each is noted, as far as the purse pays; the one that was read is returned.
@@ -367,12 +266,12 @@ class StretchedFollower:
                 _, again = paths.find(level, jump=jump, first=begin, expected=known)
                 better, _ = paths.view(again, level, known)
                 reading = self.demodulator.read_second(reading, better)
-            looked_at.append(_Look(view, level, paths.on_tape(places), tempo, reading))
+            looked_at.append(PathReading(view, level, paths.on_tape(places), tempo, reading))
             if reading.decoded.l0 is not None:
                 return looked_at[-1]
         return None
 
-    def _again(self, looked_at: list[_Look], *, due: bool) -> _Look | None:
+    def _again(self, looked_at: list[PathReading], *, due: bool) -> PathReading | None:
         """Read by all means what was read briefly in vain."""
         for one in looked_at:
             if self._reader.purse.affords(self.demodulator.cost(LONGEST_LIST_SIZE)):

@@ -6,11 +6,13 @@ pilots say of a place is the log-likelihood ratio of `watermark.audio.follow.int
 costs. Specification: spec/audio-carrier.md, W48.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import TURNED_BINS, SuperframeView, choose, thresholds_of
-from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.interference import POINTS
 from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.signal.layout import Pilots
@@ -46,6 +48,31 @@ MARGIN = 2 * HOP + MASKED
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Spectra = NDArray[np.complex64]
+
+
+@dataclass(frozen=True, slots=True)
+class PathReading:
+    """A superframe's frames along one path.
+
+    Attributes
+    ----------
+    view : SuperframeView
+        There.
+    level : float
+        That was assumed.
+    places : ndarray of float64, shape (64,)
+        Where they begin, samples of the tape.
+    tempo : float
+        At which they were looked for.
+    reading : SuperframeReading
+        The result.
+    """
+
+    view: SuperframeView
+    level: float
+    places: Array
+    tempo: float
+    reading: SuperframeReading
 
 
 class Paths:

@@ -1,91 +1,31 @@
-"""Read superframes at a place in a sound: where they start, how fast, at which level and phases.
+"""Where superframes are expected in a sound, how fast they come, at which level and phases.
 
-A `Track` is such a place; a `TrackReader` reads there, refines the place by pilots or by decoded
-bits, and seeks a superframe beside it. Specification: spec/audio-carrier.md, section 7.
+A `Track` is such a place; a superframe is looked at with and without its phases.
+Specification: spec/audio-carrier.md, section 7.
 """
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from watermark.audio.follow.align import (
-    AlignmentFit,
     SuperframeView,
-    find_delay,
     read_view,
-    search_fit,
 )
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, lean, path_of, score_phases
-from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
-from watermark.audio.search.acquire import DEVIATION, Candidate
-from watermark.audio.signal.channel_choice import MID
-from watermark.audio.signal.layout import make_pilots
-from watermark.audio.signal.masking import FLOOR, Masker, make_masker
+from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.profile import (
-    FRAMES_PER_SUPERFRAME,
-    PILOT_STEPS,
-    PROFILES,
     SUPERFRAME,
-    TIER_LEVELS,
 )
-from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
+from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
 TURNED_TRIALS = 3
 """Levels at which the phases of a place are tried, the likeliest first."""
 
-PULL_IN = (
-    (np.arange(-2.5, 2.6, 0.5), np.arange(-80.0, 81.0, 40.0)),
-    (np.arange(-0.75, 0.8, 0.25), np.arange(-40.0, 41.0, 20.0)),
-)
-"""Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
-
-SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
-"""Delays and drifts tried with the bits of L0 where L1 was not read."""
-
-BESIDE = (np.arange(-24.0, 24.1, 1.5), np.arange(-1600.0, 1601.0, 200.0))
-"""Delays and drifts at which the pilots of a superframe that failed are sought."""
-
-BESIDE_FINE = (np.arange(-1.0, 1.1, 0.5), np.arange(-150.0, 151.0, 50.0))
-"""Delays and drifts tried around what was found there."""
-
-COARSE_SCORE, BESIDE_SCORE = 24.0, 36.0
-"""Correlation of pilots from which a place beside is looked at closely, and read: three and four
-and a half standard deviations of noise."""
-
-DEEP = 1e-2 * FLOOR
-"""Floor of the mask where a superframe fails: a gain of -20 dB may have moved quiet bands there."""
-
-LONE_IN = (np.arange(-0.8, 0.9, 0.2), np.arange(-60.0, 61.0, 20.0))
-"""Delays and drifts at which cells of left or of right are tried where neither bits nor wide pilots
-tell: they lie high, where a quarter of a sample spoils them."""
-
-LONE_SCORE = 3.5
-"""Standard deviations above unmarked sound that they must then have."""
-
-FOLLOW = 0.3
-"""Delay tried on either side with the decoded bits of each following superframe, samples."""
-
-YOUNG, LIKELY_CLOCK = 4, 1.5e-4
-"""Superframes after which a clock is known well enough, and how far it may be from its nominal rate
-to be believed nominal before: that of one superframe is known to 30 ppm."""
-
-PAIR_CHECKS = 8
-"""Superframes of an old lock of which one shows whether cells are better read elsewhere; one that
-fails is tried there at once."""
-
-CLEARLY = 1.0
-"""Standard deviations by which known bits must fit better for cells to be read elsewhere."""
-
-BACK_GAIN = 0.5
-"""Part of the delay of a superframe of the past by which the place of the one before moves."""
-
 LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
 """Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
-
 
 LEAST_BEND, LARGEST_BEND, BEND_GAIN = 6e-5, 2e-3, 0.5
 """Relative change of the clock from a superframe to the next from which it counts, twice what one
@@ -156,218 +96,6 @@ class Track:
         return max(place, LEAST_DELAY_GAIN), max(pace, LEAST_PACE_GAIN)
 
 
-class TrackReader:
-    """Reads superframes where a track predicts them, and corrects tracks by them.
-
-    Parameters
-    ----------
-    key : int
-        Seed of the layout.
-    nominal : float
-        Tape samples per sample of the mark at its nominal rate.
-    purse : DecodingPurse, optional
-        Pays for what superframes that fail cost; otherwise nothing is left out.
-
-    Attributes
-    ----------
-    purse : DecodingPurse
-        See there.
-    """
-
-    def __init__(self, key: int, nominal: float, purse: DecodingPurse | None = None) -> None:
-        self._key, self._nominal = key, nominal
-        self.purse = purse or DecodingPurse(math.inf)
-        self._masker, self._deep = make_masker(), make_masker(floor=DEEP)
-        self._demodulators: dict[int, Demodulator] = {}
-
-    def demodulator(self, number: int) -> Demodulator:
-        """Demodulator of a profile; learnt values are kept for the next lock."""
-        if number not in self._demodulators:
-            profile = list(PROFILES.values())[number]
-            self._demodulators[number] = Demodulator(profile, self._key, self.purse)
-        return self._demodulators[number]
-
-    def view(self, tape: SampleBuffer, track: Track) -> SuperframeView:
-        """Return the cells of the superframe at a track's place."""
-        self.purse.charge(VIEW)
-        return _look(tape, track, self._masker)
-
-    def read(
-        self, tape: SampleBuffer, track: Track, raw: SuperframeView, *, due: bool,
-        brief: bool = False,
-    ) -> SuperframeReading:  # fmt: skip
-        """Read with the phases that the track has, then without, or the other way round.
-
-        Unless only in brief, then with bands that are too quiet for a programme of full loudness;
-        where bands are turned, at last with phases from this superframe itself.
-        """
-        demodulator, turned = track.demodulator, track.equaliser.turned
-        for view in _views(track, raw) if turned else [raw]:
-            levels = demodulator.likely_levels(view, track.level, track.offset)
-            reading = demodulator.read(view, levels, offset=track.offset, due=due, brief=brief)
-            if reading.decoded.l0 is not None:
-                return self.complete(tape, track, reading)
-        if brief:
-            return reading
-        if track.offset:
-            nominal = demodulator.likely_levels(as_used(track, raw), track.level - track.offset)
-            again = demodulator.read(as_used(track, raw), nominal, due=due, brief=True)
-            if again.decoded.l0 is not None:
-                track.offset = 0.0
-                return self.complete(tape, track, again)
-        if not self.purse.pays(VIEW):
-            return reading
-        deep = _look(tape, track, self._deep)
-        if np.count_nonzero(deep.amplitudes) > np.count_nonzero(raw.amplitudes):
-            view = as_used(track, deep)
-            softer = demodulator.likely_levels(view, track.level, track.offset)
-            again = demodulator.read(view, softer, offset=track.offset, due=due, brief=True)
-            if again.decoded.l0 is not None:
-                return self.complete(tape, track, again)
-        if turned:
-            pilots, profile = make_pilots(self._key), demodulator.profile
-            tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
-            step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-            known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
-            if not self.purse.pays(len(levels) * FIT):
-                return reading
-            likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
-            for equaliser, level in likely:
-                turned_view = raw.turned(equaliser.bins)
-                again = demodulator.read(turned_view, [level], offset=track.offset, due=False)
-                if again.decoded.l0 is not None:
-                    return self.complete(tape, replace(track, equaliser=equaliser), again)
-        return reading
-
-    def complete(
-        self, tape: SampleBuffer, track: Track, reading: SuperframeReading
-    ) -> SuperframeReading:
-        """Seek L1 where only L0 was read, at the place where the bits of L0 fit best."""
-        demodulator = track.demodulator
-        if reading.decoded.l0 is None or reading.decoded.l1 is not None:
-            return reading
-        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        moved = replace(track)
-        expected = demodulator.expected(reading.decoded)
-        here = as_used(track, self.view(tape, track))
-        self.move(moved, search_fit(here, cells, step, expected, SECOND_IN))
-        raw = self.view(tape, moved)
-        for view in _views(moved, raw) if track.equaliser.turned else [raw]:
-            again = demodulator.read_second(reading, view)
-            if again.decoded.l1 is not None:
-                return again
-        return reading
-
-    def pull_in(self, tape: SampleBuffer, track: Track, candidate: Candidate) -> float:
-        """Refine a candidate's place by its pilots; give their score there, in deviations."""
-        pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
-        expected = pilots.expected(candidate.profile)
-        self.purse.charge(FIT * len(PULL_IN))
-        for grid in PULL_IN:
-            # Pilots stand in the mid.
-            view = as_used(track, self.view(tape, replace(track, pair=False)))
-            fit = search_fit(view, pilots.cells, step, expected, grid)
-            self.move(track, fit)
-        return fit.score / DEVIATION
-
-    def lone(self, track: Track, raw: SuperframeView, levels: list[float]) -> Iterator[Track]:
-        """Places where cells of left, or of right, seem written in a single channel."""
-        demodulator, cells = track.demodulator, track.demodulator.layout.cells
-        view = as_used(track, raw)
-        found = []
-        for kind, _ in demodulator.lone_levels(view, levels[:1]):
-            expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
-            least = LONE_SCORE * math.sqrt(expected.sum() / 2)
-            for level in levels[:TIER_LEVELS]:
-                self.purse.charge(FIT)
-                step = demodulator.profile.step(level)
-                fit = search_fit(view, cells, step, expected, LONE_IN, harmonic=2)
-                if fit.score > least:
-                    found.append((fit.score, level, fit))
-        for _, level, fit in sorted(found, key=lambda x: -x[0])[:TURNED_TRIALS]:
-            moved = replace(track, level=level, misses=0, age=0)
-            self.move(moved, fit)
-            yield moved
-
-    def elsewhere(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Iterator[Track]:
-        """Places where a superframe that failed may lie: by steadier clocks, by its pilots.
-
-        The first is its own, with its cells in mid, left and right if they were in the mid before,
-        and the other way round.
-        """
-        if isinstance(tape, StereoBuffer) and (raw.paired or not track.pair):
-            yield replace(track, pair=not track.pair)
-        if track.bend:
-            yield replace(track, ratio=track.ratio / (1 + track.bend), bend=0.0)
-        error = self._nominal - track.ratio
-        if track.age < YOUNG and 0 < abs(error) < LIKELY_CLOCK * self._nominal:
-            # Both clocks agree in the middle of the superframe before.
-            position = track.position + SUPERFRAME / 2 * error
-            yield replace(track, position=position, ratio=self._nominal, misses=0, age=0)
-        moved = self.find_beside(tape, track, raw)
-        if moved is not None:
-            yield moved
-        if not raw.paired:
-            levels = track.demodulator.likely_levels(raw, track.level, track.offset)
-            yield from self.lone(track, raw, levels)
-
-    def settle_pair(self, tape: SampleBuffer, track: Track, reading: SuperframeReading) -> None:
-        """Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly."""
-        old = track.age >= PAIR_CHECKS and track.age % PAIR_CHECKS
-        if old or not isinstance(tape, StereoBuffer):
-            return
-        other = replace(track, pair=not track.pair)
-        raw = self.view(tape, other)
-        if raw.paired == reading.view.paired:
-            return
-        demodulator = track.demodulator
-        expected = demodulator.expected(reading.decoded) * (demodulator.places.cells != MID)
-        step = demodulator.profile.step(reading.level)
-        there = as_used(other, raw).soft(demodulator.layout.cells, step)
-        gain = float(((there - reading.soft) * expected).sum())
-        if gain > CLEARLY * math.sqrt(np.count_nonzero(expected) / 2):
-            track.pair = other.pair
-
-    def find_beside(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Track | None:
-        """Find by its pilots where a superframe lies that the clock has led astray."""
-        pilots, profile = make_pilots(self._key), track.demodulator.profile
-        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
-        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-        expected = pilots.expected(profile.number)
-        moved = replace(track, misses=0, age=0)
-        view = as_used(track, raw)
-        for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
-            self.purse.charge(FIT)
-            fit = search_fit(view, pilots.cells, step, expected, grid)
-            if fit.score < least:
-                return None
-            self.move(moved, fit)
-            view = as_used(moved, self.view(tape, moved))
-        return moved
-
-    def learn_back(self, past: Track, raw: SuperframeView, reading: SuperframeReading) -> None:
-        """Let a superframe of the past correct the place of the one before, and the phases."""
-        demodulator = past.demodulator
-        cells, step = demodulator.layout.cells, demodulator.profile.step(reading.level)
-        weighted = demodulator.expected(reading.decoded)
-        weighted = weighted * demodulator.trust(reading)
-        delay = find_delay(reading.view, cells, step, weighted, FOLLOW)
-        past.position += BACK_GAIN * delay * self._nominal
-        past.equaliser.learn(raw, KnownCells(cells, step, weighted))
-
-    def move(self, track: Track, fit: AlignmentFit) -> None:
-        """Shift a track by a fit."""
-        track.position += fit.start_delay * self._nominal
-        track.ratio *= 1 + fit.drift_ppm * 1e-6
-
-    def nudge(self, track: Track, delay: float) -> None:
-        """Correct a track by the delay that a superframe had, samples at 48 kHz."""
-        place, pace = track.gains()
-        track.position += place * delay * self._nominal
-        track.ratio *= 1 + pace * delay / SUPERFRAME
-        track.age += 1
-
-
 def likely_phases(
     demodulator: Demodulator, view: SuperframeView, known: KnownCells, levels: list[float]
 ) -> list[tuple[Equaliser, float]]:
@@ -384,12 +112,13 @@ def likely_phases(
     ]
 
 
-def _look(tape: SampleBuffer, track: Track, masker: Masker) -> SuperframeView:
+def look(tape: SampleBuffer, track: Track, masker: Masker) -> SuperframeView:
+    """Return the superframe at a track's place."""
     places = track.demodulator.places if track.pair else None
     return read_view(tape, track.position, track.ratio, masker, places, bend=track.bend)
 
 
-def _views(track: Track, raw: SuperframeView) -> list[SuperframeView]:
+def views(track: Track, raw: SuperframeView) -> list[SuperframeView]:
     """Give the views with and without the phases of a track, the better one first."""
     views = [raw.turned(track.equaliser.bins), raw]
     return views if track.equaliser.used else views[::-1]
@@ -397,7 +126,7 @@ def _views(track: Track, raw: SuperframeView) -> list[SuperframeView]:
 
 def as_used(track: Track, raw: SuperframeView) -> SuperframeView:
     """Return the view with the phases that the track goes by."""
-    return _views(track, raw)[0]
+    return views(track, raw)[0]
 
 
 def received(track: Track, reading: SuperframeReading, fs: int) -> ReceivedSuperframe:
