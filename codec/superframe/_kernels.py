@@ -436,7 +436,10 @@ def descend(
             continue
         c, f, own = channel[i], frequency[i], q[i]
         at = _value(own, kind, shift, width, points)
-        lowest = at + (waves[:, f] * slopes[:, c]).sum() / curves[i]
+        total = 0.0
+        for t in range(waves.shape[0]):
+            total += waves[t, f] * slopes[t, c]
+        lowest = at + total / curves[i]
         sign, top = (-1 if lowest < 0 else 1), int(abs(lowest) / width + 0.5)
         context = _context(q, before, i, shift)
         best, least = own, np.inf

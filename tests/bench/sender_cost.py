@@ -1,8 +1,9 @@
 """What dubbing and receiving a programme cost, beside FFmpeg's AAC encode of its sound in one run.
 
 In: nothing; a programme of announcements and music is made. Out: processor times of whole commands,
-imports included, as multiples of that encode's. Run: ``python tests/bench/sender_cost.py``; ratios
-of short programmes are higher than those of long ones, since imports weigh more.
+imports included, as multiples of that encode's, and their memory; how fast the first minute of
+unmarked sound is searched. Run: ``python -m tests.bench.sender_cost``; ratios of short programmes
+are higher than those of long ones, since imports weigh more.
 """
 
 import argparse
@@ -38,6 +39,11 @@ print(min(seconds))
 """
 
 
+SEARCH = "first minute of unmarked sound"
+MINUTE_S = 60
+"""Length of the unmarked sound that is searched."""
+
+
 def make_programme(folder: Path, seconds: int) -> None:
     """Write the programme and its subtitles."""
     sound, lines = make_sound()
@@ -45,6 +51,7 @@ def make_programme(folder: Path, seconds: int) -> None:
     rounds = -(-seconds // length)
     whole = np.tile(sound[: length * FS], (rounds, 1))[: seconds * FS]
     write_film(folder / "a.mka", whole, FS, encoder="flac", pictures=iter(()))
+    write_film(folder / "u.mka", whole[: MINUTE_S * FS], FS, encoder="flac", pictures=iter(()))
     subtitles = [
         replace(one, start_s=one.start_s + r * length, end_s=one.end_s + r * length)
         for r in range(rounds)
@@ -54,18 +61,30 @@ def make_programme(folder: Path, seconds: int) -> None:
     (folder / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
 
 
-def cost_s(folder: Path, *command: str) -> float:
-    """Processor time of a command with its children, seconds."""
-    before = os.times()
+ALONE = """
+import resource, subprocess, sys
+with open("log", "wb") as log:
+    status = subprocess.call(sys.argv[1:], stdout=log, stderr=log)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(status, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+"""
+"""Runs a command and prints its status, processor time in seconds and memory in MB: the memory of
+who starts a process counts for that process."""
+
+
+def cost_of(folder: Path, *command: str) -> tuple[float, float]:
+    """Processor time of a command in seconds, and its largest memory in MB."""
+    # Installed programs have their modules compiled.
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(
-        [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=False
-    )
-    if done.returncode > 1:
-        raise SystemExit(done.stderr)
-    after = os.times()
-    return (after.children_user + after.children_system) - (
-        before.children_user + before.children_system
-    )
+        [sys.executable, "-c", ALONE, sys.executable, *command],
+        cwd=folder, env=environment, capture_output=True, check=True,
+    )  # fmt: skip
+    status, seconds, megabytes = map(float, done.stdout.split())
+    log = (folder / "log").read_text(errors="replace")
+    if status not in (0, 1) or "Traceback" in log:
+        raise SystemExit(log[-2000:])
+    return seconds, megabytes
 
 
 def main() -> None:
@@ -82,6 +101,7 @@ def main() -> None:
         "dub without rehearsal, grade and read-back":
             [*dub, "-o", "c.mka", "--through", "none", "--no-read-back", "--no-grade"],
         "receive": [*cuecast, "receive", "b.mka", "--json"],
+        SEARCH: [*cuecast, "receive", "u.mka", "--json"],
     }  # fmt: skip
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -92,8 +112,12 @@ def main() -> None:
         unit = float(encode.stdout)
         print(f"AAC encode of {seconds} s: {unit:.2f} s of processor time")
         for title, command in commands.items():
-            spent = cost_s(folder, *command)
-            print(f"{title}: {spent:.2f} s, {spent / unit:.2f} encodes", flush=True)
+            spent, megabytes = cost_of(folder, *command)
+            speed = f", {MINUTE_S / spent:.1f} times real time" if title == SEARCH else ""
+            print(
+                f"{title}: {spent:.2f} s, {spent / unit:.2f} encodes, {megabytes:.0f} MB{speed}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

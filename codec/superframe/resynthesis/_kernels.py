@@ -33,7 +33,9 @@ def pull_into(
                 pull = np.exp(-ratio * np.sqrt(ratio)) * (1.0 - fade) ** 2
                 weights[t, number] += pull
     for t in range(weights.shape[0]):
-        total = weights[t].sum()
+        total = 0.0  # numba's sum of arrays takes seconds to compile
+        for c in range(weights.shape[1]):
+            total += weights[t, c]
         for c in range(weights.shape[1]):
             weights[t, c] /= total
 
