@@ -294,6 +294,7 @@ def climb_into(
                 )
                 if reached > scores[n]:
                     scores[n], better = reached, True
-                    crops[n] = trial
+                    for k in range(4):
+                        crops[n, k] = trial[k]
             if not better:
                 break

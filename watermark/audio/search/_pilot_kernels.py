@@ -193,7 +193,10 @@ def look(
     real = np.empty((parts.shape[0], rows), dtype=np.float32)
     imaginary = np.empty((parts.shape[0], rows), dtype=np.float32)
     thresholds = np.empty((bands, hop + rows), dtype=np.float32)
-    thresholds[:, :hop] = before
+    # Numba's assignment of arrays takes seconds to compile.
+    for j in range(bands):
+        for r in range(hop):
+            thresholds[j, r] = before[j, r]
     for first in range(0, count, rows):
         n = min(rows, count - first)
         # Whole arrays, of which the first n count: parts of them would be no contiguous ones.
@@ -206,5 +209,9 @@ def look(
             thresholds, hop, limits[3], limits[4], parts, real, imaginary,
             projections, alive, first, n,
         )  # fmt: skip
-        thresholds[:, :hop] = thresholds[:, n : n + hop].copy()
-    before[:] = thresholds[:, :hop]
+        for j in range(bands):
+            for r in range(hop):
+                thresholds[j, r] = thresholds[j, n + r]
+    for j in range(bands):
+        for r in range(hop):
+            before[j, r] = thresholds[j, r]
