@@ -23,7 +23,7 @@ from synth.units.concatenation.assembly import Flow
 from synth.units.concatenation.dikeys import DikeyDictionary
 from synth.units.concatenation.durations import near_own_durations, stretches
 from synth.units.concatenation.headmotion import HeadMotion
-from synth.units.concatenation.intonation import intone
+from synth.units.concatenation.intonation import PitchedUnit, intone, runs
 from synth.units.concatenation.sounds import PlacedUnit, SoundDictionary
 from synth.units.concatenation.trajectories import (
     Trajectories,
@@ -70,11 +70,14 @@ class Performance:
         Its rate in Hz.
     motion : Motion
         With the score.
+    units : tuple of PlacedUnit
+        Those whose sound begins in this part, in order of time.
     """
 
     sound: NDArray[np.float32]
     fs: int
     motion: Motion
+    units: tuple[PlacedUnit, ...] = ()
 
 
 class ConcatenativeSynthesiser:
@@ -156,23 +159,26 @@ class ConcatenativeSynthesiser:
             gestures = plan_gestures(
                 passage.around, alignment=self._alignment, options=self._options
             )
-            params, sound = self._make(passage, gestures, flow, first, last)
+            params, sound, units = self._make(passage, gestures, flow, first, last)
             for at, frames, samples in flow.join(first, last, params, sound):
                 times = np.arange(at, at + len(frames)) / rate_hz
                 moving = self._head.added(frames, times, passage.around.phones, gestures)
-                score = passage.score if at + len(frames) == last else _SILENT
+                end = at + len(frames)
+                score = passage.score if end == last else _SILENT
+                said = (u for u in units if at <= u.target.edges_s[0] * rate_hz < end)
                 yield Performance(
                     samples, self.fs,
                     Motion(
                         moving.astype(np.float32), rate_hz, at / rate_hz, self._voice.layout,
                         self._voice.identity, score,
                     ),
+                    tuple(said),
                 )  # fmt: skip
 
     def _make(
         self, passage: ScorePassage, gestures: Gestures, flow: Flow, first: int, last: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-        """Return frames and samples of a passage, and of what follows it for a moment."""
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32], list[PlacedUnit]]:
+        """Return frames, samples and units of a passage and of the moment after it."""
         around = passage.around
         times = np.arange(first, last + flow.fade_frames) / flow.rate_hz
         line = with_pauses(
@@ -183,7 +189,7 @@ class ConcatenativeSynthesiser:
         sounds = near_own_durations(self.sounds.select(cut_sounds(line), melody))
         begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
         sound = self._say(sounds, melody, begin, end)
-        return self._move(sounds, gestures, times, flow.rate_hz), sound
+        return self._move(sounds, gestures, times, flow.rate_hz), sound, sounds
 
     def _say(
         self, choices: Sequence[PlacedUnit], melody: Melody, begin: int, end: int
@@ -203,12 +209,12 @@ class ConcatenativeSynthesiser:
     def _say_stretch(self, choices: Sequence[PlacedUnit], melody: Melody) -> NDArray[np.float64]:
         """Return the sound of units that follow each other without a gap."""
         tracks = [self.recordings[choice.recording].track for choice in choices]
+        maps = intone(melody, choices, tracks)
         sources, samples, voiced, pieces = [], [], [], []
         offset = 0
-        for choice, (source_s, target_s, ratio) in zip(
-            choices, intone(melody, choices, tracks), strict=True
-        ):
-            made = self.recordings[choice.recording]
+        for run in runs(choices):
+            made = self.recordings[choices[run[0]].recording]
+            source_s, target_s, ratio = _in_a_row([maps[k] for k in run])
             first = max(round((source_s[0] - _MARGIN_S) * self.fs), 0)
             last = min(round((source_s[-1] + _MARGIN_S) * self.fs), len(made.sound))
             inside = (made.marks.sample >= first) & (made.marks.sample < last)
@@ -250,6 +256,13 @@ class ConcatenativeSynthesiser:
             params, self._hand_columns, reached, self._voice,
             limit_mm_s=self._quickest_mm_s, rate_hz=rate_hz,
         )  # fmt: skip
+
+
+def _in_a_row(maps: Sequence[PitchedUnit]) -> PitchedUnit:
+    """Return the map of units that follow each other in a recording."""
+    source, target, ratio = (np.concatenate(lines) for lines in zip(*maps, strict=True))
+    ahead = np.minimum(np.diff(source, prepend=-np.inf), np.diff(target, prepend=-np.inf)) > 1e-6
+    return source[ahead], target[ahead], ratio[ahead]
 
 
 def _joined(

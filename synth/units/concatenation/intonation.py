@@ -62,14 +62,14 @@ def intone(
     change = [np.zeros(len(target)) for target in times]
     wanted = [12 * np.log2(melody.at(target)) for target in times]
     usual = float(np.median(np.concatenate(wanted))) + _USUAL_RISE_ST
-    runs = list(_runs(choices))
-    for run in runs:
+    pieces = list(runs(choices))
+    for run in pieces:
         joined = [np.concatenate([line[k] for k in run]) for line in (times, own, wanted)]
         moved = _moved(joined[0], joined[1], joined[2], usual)
         ends = np.cumsum([len(times[k]) for k in run])
         for k, part in zip(run, np.split(moved, ends[:-1]), strict=True):
             change[k] = part
-    for before, after in itertools.pairwise(runs):
+    for before, after in itertools.pairwise(pieces):
         end, start = before[-1], after[0]
         jump = own[start][0] + change[start][0] - own[end][-1] - change[end][-1]
         jump = float(np.clip(jump, -_LARGEST_JUMP_ST, _LARGEST_JUMP_ST))
@@ -101,12 +101,11 @@ def _near(distance_s: NDArray[np.float64], reach_s: float) -> NDArray[np.float64
     return np.asarray(np.clip(1 - distance_s / max(reach_s, 1e-6), 0.0, 1.0))
 
 
-def _runs(choices: Sequence[PlacedUnit]) -> Iterator[list[int]]:
+def runs(choices: Sequence[PlacedUnit]) -> Iterator[list[int]]:
     """Yield the numbers of units that follow each other in a recording."""
     run = [0]
-    for k, (a, b) in enumerate(itertools.pairwise(choices), 1):
-        gap_s = b.source.edges_s[0] - a.source.edges_s[-1]
-        if a.recording != b.recording or abs(gap_s) > 1e-6:
+    for k, (before, after) in enumerate(itertools.pairwise(choices), 1):
+        if not after.follows(before):
             yield run
             run = []
         run.append(k)

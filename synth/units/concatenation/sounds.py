@@ -51,6 +51,9 @@ _LEAST_FIT = -4.0
 _MOST_CANDIDATES = 100
 """Units of a label that are compared: those that suit their place best."""
 
+_CLOSE_S = 1e-6
+"""Seconds between units that are one after the other: rounding."""
+
 _REFERENCE_HZ = 100.0
 """Pitch is in semitones above this."""
 
@@ -87,6 +90,11 @@ class PlacedUnit:
     recording: int
     source: Unit
     target: Unit
+
+    def follows(self, before: "PlacedUnit") -> bool:
+        """Return whether the unit begins in the recording where another one ends."""
+        gap_s = self.source.edges_s[0] - before.source.edges_s[-1]
+        return self.recording == before.recording and abs(gap_s) <= _CLOSE_S
 
 
 @functools.cache

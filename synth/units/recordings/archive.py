@@ -132,7 +132,7 @@ def _labels(recordings: Sequence[UnitRecording]) -> dict[str, NDArray[Any]]:
         "frames": np.array([len(r.motion.params) for r in recordings]),
         "middle": middle,
         "step": step,
-        "changes": np.diff(whole.T, axis=1, prepend=0).astype(np.int16),
+        "changes": np.ascontiguousarray(np.diff(whole.T, axis=1, prepend=0), dtype=np.int16),
         "pitches": np.array([len(r.track.f0) for r in recordings]),
         "f0": np.concatenate([r.track.f0 for r in recordings]).astype(np.float16),
         "marks": np.array([len(r.marks.sample) for r in recordings]),

@@ -113,18 +113,24 @@ def overlap_add(
     target: NDArray[np.int64],
     source: NDArray[np.int64],
     mirrored: NDArray[np.bool_],
+    shift: NDArray[np.int64],
+    gain: NDArray[np.float64],
     y: NDArray[np.float64],
 ) -> None:
     """Add one two-sided grain of `x` per target mark to `y`.
 
     mark : (M,), analysis marks; target : (N,), synthesis marks, strictly ascending;
     source : (N,), index of the analysis mark whose grain goes to each target;
-    mirrored : (N,), whether the grain is turned round in time.
+    mirrored : (N,), whether the grain is turned round in time;
+    shift : (N,), samples by which the grain's middle lies off its mark; gain : (N,).
     Each half of a grain fades over the shorter of the two gaps, source's or target's: windows of
     unmoved marks add up to one, and no grain reaches a second epoch.
     """
     for k in range(target.size):
+        if gain[k] == 0.0:
+            continue
         m = source[k]
+        middle = mark[m] + shift[k]
         turn = -1 if mirrored[k] else 1
         for side in (-1, 1):
             other = k + side
@@ -137,12 +143,12 @@ def overlap_add(
                     reach = min(reach, abs(mark[neighbour] - mark[m]))
             else:
                 needed = y.size - target[k] if side > 0 else target[k] + 1
-                reach = x.size - mark[m] if turn * side > 0 else mark[m] + 1
+                reach = x.size - middle if turn * side > 0 else middle + 1
                 fades = reach < needed
             for d in range(0 if side > 0 else 1, reach):
                 to = target[k] + side * d
-                come = mark[m] + turn * side * d
+                come = middle + turn * side * d
                 if to < 0 or to >= y.size or come < 0 or come >= x.size:
                     break
                 weight = 0.5 + 0.5 * math.cos(math.pi * d / reach) if fades else 1.0
-                y[to] += weight * x[come]
+                y[to] += gain[k] * weight * x[come]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codec.errors import CueError
+from synth.units.speech.joins import Grains, smooth_joins
 from synth.units.speech.marks import PitchMarks
 
 _MAX_RATIO = 4.0
@@ -104,34 +105,44 @@ def modify_prosody(
     y = np.zeros(n)
     if n == 0 or len(marks.sample) < 2:
         return y
-    place, index = _synthesis_marks(marks, pieces)
+    grains = _synthesis_marks(marks, pieces)
+    beside = smooth_joins(signal, marks, [(p.source_s, p.target_s) for p in pieces], grains)
+    place = np.rint(grains.place_s * marks.fs).astype(np.int64) - origin
+    index = grains.index
     repeated = np.concatenate(([False], index[1:] == index[:-1])) & ~marks.voiced[index]
     mirrored = np.zeros(len(index), dtype=np.bool_)
     for k in np.flatnonzero(repeated):
         mirrored[k] = not mirrored[k - 1]
-    _kernels.overlap_add(signal, marks.sample, place - origin, index, mirrored, y)
+    for heard in (grains, beside):
+        _kernels.overlap_add(
+            signal, marks.sample, place, heard.index, mirrored, heard.shift, heard.gain, y
+        )
     return y
 
 
-def _synthesis_marks(
-    marks: PitchMarks, pieces: Sequence[SpeechPiece]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return target positions in samples and the analysis mark that serves each of them."""
+def _synthesis_marks(marks: PitchMarks, pieces: Sequence[SpeechPiece]) -> Grains:
+    """Return where grains go and the analysis marks that serve them."""
     at = marks.sample / marks.fs
     gap = np.diff(at, append=2 * at[-1] - at[-2])
     middle = 0.5 * (at[1:] + at[:-1])
     first, last = (int(np.searchsorted(middle, pieces[0].source_s[0])), len(at) - 1)
-    place: list[int] = []
+    place: list[float] = []
     index: list[int] = []
+    number: list[int] = []
     start = np.interp(at[first], pieces[0].source_s, pieces[0].target_s)
     time = float(max(start, pieces[0].target_s[0]))
-    for piece in pieces:
+    for k, piece in enumerate(pieces):
         ratio = np.where(marks.voiced, np.interp(at, piece.source_s, piece.f0_ratio), 1.0)
         period = np.maximum(gap / ratio, 1.0 / marks.fs)
         while time < piece.target_s[-1]:
             source = np.interp(time, piece.target_s, piece.source_s)
             m = min(int(np.searchsorted(middle, source)), last)
-            place.append(round(time * marks.fs))
+            place.append(time)
             index.append(m)
+            number.append(k)
             time += float(period[m])
-    return np.array(place, dtype=np.int64), np.array(index, dtype=np.int64)
+    n = len(place)
+    return Grains(
+        np.array(place), np.array(index, dtype=np.int64), np.array(number, dtype=np.int64),
+        np.zeros(n, dtype=np.int64), np.ones(n),
+    )  # fmt: skip

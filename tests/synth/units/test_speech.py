@@ -236,9 +236,10 @@ def test_kernels_agree_with_their_python() -> None:
     mark, target = np.arange(20, 280, 20), np.arange(10, 380, 25)
     source = rng.integers(0, len(mark), len(target))
     mirrored = rng.random(len(target)) > 0.5
+    shift, gain = rng.integers(-9, 9, len(target)), rng.random(len(target)).round(1)
     y = np.zeros((2, 400))
-    _kernels.overlap_add(x, mark, target, source, mirrored, y[0])
-    _kernels.overlap_add.py_func(x, mark, target, source, mirrored, y[1])
+    _kernels.overlap_add(x, mark, target, source, mirrored, shift, gain, y[0])
+    _kernels.overlap_add.py_func(x, mark, target, source, mirrored, shift, gain, y[1])
     np.testing.assert_allclose(y[0], y[1], atol=1e-12)
 
 
