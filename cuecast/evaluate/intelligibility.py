@@ -6,7 +6,8 @@ them; without, two hundred sentences of today. Each text is heard in several voi
 espeak-ng; ``reader``, our speech of the built-in reader's units; ``units``, of those of espeak-ng;
 ``speaker``, our speech of units that are cut from every other recording of the folder, the rest is
 said. The words understood are compared with the text word by word, and phone by phone, where words
-that sound alike count as right.
+that sound alike count as right. Voices of units get figures of naturalness besides
+(`cuecast.evaluate.naturalness`): pairs of them stand for joins, and for cuts without a join.
 """
 
 import itertools
@@ -22,6 +23,7 @@ from codec.cuer.voice import load_voice
 from codec.errors import CueError
 from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.listener import FS, Listener, french_listener
+from cuecast.evaluate.naturalness import NaturalnessTally
 from cuecast.evaluate.options import EvaluateOptions
 from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.pronounce import phonemise
@@ -36,6 +38,9 @@ from synth.units.speech.espeak_voice import speak
 VOICES = ("recorded", "speaker", "reader", "units", "espeak")
 
 _UNITS = {"reader": READER, "units": RENDERED}
+
+_OURS = ("speaker", *_UNITS)
+"""Voices of units: how natural they are is measured, too."""
 
 _SENTENCES = 32
 """Recordings of a folder that are judged at most."""
@@ -68,8 +73,10 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
     rows = []
     for voice in wanted:
         options.say(f"listening to {len(said)} sentences: {voice}")
-        speech = _speech(voice, kept)
-        rows.append(_judged(voice, said, speech, listener))
+        tally = NaturalnessTally()
+        speech = _speech(voice, kept, tally)
+        row = _judged(voice, said, speech, listener)
+        rows.append(row | (tally.row() if voice in _OURS else {}))
     return rows
 
 
@@ -82,7 +89,9 @@ def _material(options: EvaluateOptions) -> tuple[list[SpokenFile | str], list[Sp
     return list(found[::2][:_SENTENCES]), found[1::2]
 
 
-def _speech(voice: str, kept: Sequence[SpokenFile]) -> Callable[[SpokenFile | str], Sound]:
+def _speech(
+    voice: str, kept: Sequence[SpokenFile], tally: NaturalnessTally
+) -> Callable[[SpokenFile | str], Sound]:
     """Return what says a text in a voice, or plays it, at the listener's rate."""
     if voice == "recorded":
         return _recorded
@@ -90,7 +99,7 @@ def _speech(voice: str, kept: Sequence[SpokenFile]) -> Callable[[SpokenFile | st
         return lambda item: mono(*speak(_text(item), words_per_minute=_WORDS_PER_MINUTE))
     own = _UNITS.get(voice)
     synthesiser = unit_synthesiser(load_voice(), own) if own else _speaker(kept)
-    return lambda item: _said(synthesiser, _text(item))
+    return lambda item: _said(synthesiser, _text(item), tally)
 
 
 def _recorded(item: SpokenFile | str) -> Sound:
@@ -119,10 +128,9 @@ def _speaker(kept: Sequence[SpokenFile]) -> ConcatenativeSynthesiser:
     return ConcatenativeSynthesiser(taken, voice)
 
 
-def _said(synthesiser: ConcatenativeSynthesiser, text: str) -> Sound:
+def _said(synthesiser: ConcatenativeSynthesiser, text: str, tally: NaturalnessTally) -> Sound:
     score = score_of_text(text, start_s=0.5)
-    parts = [part.sound for part in synthesiser.perform([score], start_s=0.0)]
-    return mono(np.concatenate(parts), synthesiser.fs)
+    return mono(tally.add(synthesiser.perform([score], start_s=0.0)), synthesiser.fs)
 
 
 def _text(item: SpokenFile | str) -> str:
