@@ -61,9 +61,26 @@ _COMPREHENSION = {
     "apparié ; intervalle de Wilson pour toutes les réponses réunies.",
 }
 
-_TEXTS = {"pairs": _PAIRS, "naturalness": _NATURALNESS, "comprehension": _COMPREHENSION}
+_VOICES = {
+    "titre": "deux voix de synthèse",
+    "tache": "vous entendrez chaque phrase deux fois, dite par deux voix de synthèse ; vous direz "
+    "laquelle se comprend le mieux.",
+    "question": "Laquelle de deux voix de synthèse comprend-on le mieux ?",
+    "materiel": "Chaque phrase est dite par les deux voix, au même niveau ; chaque voix commence "
+    "une fois sur deux.",
+    "deroulement": "L’ordre est tiré au sort pour chaque personne. Régler le son avant de "
+    "commencer.",
+    "mesures": "La voix choisie, ou les deux, et le temps de réponse.",
+    "analyse": "Part des phrases où la première voix nommée est préférée (les deux : une demie), "
+    "par personne ; moyenne avec intervalle de Student ; .5 : pas de préférence.",
+}
 
-_SECONDS = {"pairs": 6.0, "naturalness": 12.0, "comprehension": 28.0}
+_TEXTS = {
+    "pairs": _PAIRS, "naturalness": _NATURALNESS, "comprehension": _COMPREHENSION,
+    "voices": _VOICES,
+}  # fmt: skip
+
+_SECONDS = {"pairs": 6.0, "naturalness": 12.0, "comprehension": 28.0, "voices": 14.0}
 """Seconds that one step takes in the mean."""
 
 _NAMES = {

@@ -47,9 +47,10 @@ def figures(trial: Trial) -> dict[str, Any]:
             raise CueError(
                 f"{trial.folder}: no answers yet ({len(answered)} to items shown slowly)"
             )
-        found = {"pairs": _pairs, "naturalness": _ratings, "comprehension": _shares}[trial.kind](
-            asked
-        )
+        found = {
+            "pairs": _pairs, "naturalness": _ratings, "comprehension": _shares,
+            "voices": _preferences,
+        }[trial.kind](asked)  # fmt: skip
     except (KeyError, ValueError) as error:
         raise CueError(f"{trial.folder}: malformed answers: {error!r}") from error
     people = len({row["participant"] for row in asked})
@@ -150,6 +151,27 @@ def _shares(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
         for row in _compared(single, "source", first, second)
     ]
     return {"conditions": conditions, "comparisons": comparisons}
+
+
+_PREFERRED = (1.0, 0.0, 0.5)
+"""Answers to a pair of voices as shares of the first one: first, second, both."""
+
+
+def _preferences(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
+    people: dict[tuple[str, ...], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        first, second = row["source"].split("-")
+        share = _PREFERRED[int(row["answer"])]
+        pair = tuple(sorted((first, second)))
+        people[pair][row["participant"]].append(share if first == pair[0] else 1 - share)
+    conditions = [
+        {
+            "source": f"{pair[0]} over {pair[1]}", "answers": sum(map(len, own.values())),
+            "share": _row(mean_of([float(np.mean(shares)) for shares in own.values()])),
+        }
+        for pair, own in sorted(people.items())
+    ]  # fmt: skip
+    return {"conditions": conditions, "comparisons": []}
 
 
 def _compared(

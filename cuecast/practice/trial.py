@@ -26,7 +26,7 @@ TRIAL = "trial.json"
 ITEMS = "items"
 ANSWERS = "answers"
 
-KINDS = ("pairs", "naturalness", "comprehension")
+KINDS = ("pairs", "naturalness", "comprehension", "voices")
 
 _FORMAT = 1
 """Version of `trial.json`."""
@@ -49,7 +49,8 @@ class ItemCondition:
         ``clear``, or ``channel`` after coding and losses.
     source : str
         Where the content comes from: ``synthetic``, ``natural`` or ``other`` motion; of a
-        passage ``subtitles``, ``cuer`` or ``both``.
+        passage ``subtitles``, ``cuer`` or ``both``; of two speakers their names in the order of
+        playing, ``reader-espeak``.
     """
 
     hand: str = "hand"
@@ -124,11 +125,11 @@ class Trial:
         CueError
             If the pool is not that of the kind.
         """
-        from cuecast.practice import comprehension, naturalness, pairs
+        from cuecast.practice import comprehension, naturalness, pairs, voices
 
         plan: dict[str, Callable[[Trial, int], list[Step]]] = {
             "pairs": pairs.steps, "naturalness": naturalness.steps,
-            "comprehension": comprehension.steps,
+            "comprehension": comprehension.steps, "voices": voices.steps,
         }  # fmt: skip
         try:
             return plan[self.kind](self, number)

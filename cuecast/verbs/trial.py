@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SUMMARY = "perceptual tests: prepare, run, results, power"
 
-_KINDS = ("pairs", "naturalness", "comprehension")
+_KINDS = ("pairs", "naturalness", "comprehension", "voices")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,8 @@ def _configure_prepare(prepare: argparse.ArgumentParser) -> None:
     prepare.add_argument(
         "kind", choices=_KINDS,
         help="pairs: words that look alike on the lips; naturalness: natural and synthetic "
-        "movement under natural speech, rated; comprehension: two minutes with questions",
+        "movement under natural speech, rated; comprehension: two minutes with questions; "
+        "voices: sentences spoken by two synthetic voices, compared",
     )  # fmt: skip
     prepare.add_argument("-o", "--output", required=True, metavar="DIR", help="a new folder")
     prepare.add_argument(
@@ -73,7 +74,8 @@ def _configure_prepare(prepare: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     prepare.add_argument(
         "--trials", type=count, default=10, metavar="N",
-        help="of pairs: trials of each condition for each participant, even; 10 by default",
+        help="of pairs: trials of each condition for each participant; of voices: sentences; "
+        "even, 10 by default",
     )  # fmt: skip
     prepare.add_argument(
         "--lost", type=not_negative, default=0.05, metavar="SHARE",
@@ -85,6 +87,13 @@ def _configure_prepare(prepare: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     prepare.add_argument(
         "--passages", metavar="DIR", help="of comprehension: your own passages (*.json)"
+    )
+    prepare.add_argument(
+        "--speakers", default="reader,espeak", metavar="LIST",
+        help="of voices: two or more of reader, units, espeak, as in evaluate intelligibility",
+    )  # fmt: skip
+    prepare.add_argument(
+        "--texts", metavar="FILE", help="of voices: one sentence a line; by default news"
     )
     add_voice(prepare)
     add_seed(prepare)
@@ -114,7 +123,7 @@ def _prepare(args: argparse.Namespace) -> int:
 
 
 def _made(args: argparse.Namespace, folder: Path) -> "Trial":
-    from cuecast.practice import comprehension, naturalness, pairs
+    from cuecast.practice import comprehension, naturalness, pairs, voices
 
     displays = tuple((args.displays or "").split(",")) if args.displays else None
     with count_bar("items") as progress:
@@ -130,6 +139,11 @@ def _made(args: argparse.Namespace, folder: Path) -> "Trial":
             return naturalness.prepare(
                 folder, Path(args.recordings), args.voice, seed=args.seed, progress=progress
             )
+        if args.kind == "voices":
+            return voices.prepare(
+                folder, args.voice, speakers=args.speakers.split(","), sentences=args.trials,
+                texts=Path(args.texts) if args.texts else None, seed=args.seed, progress=progress,
+            )  # fmt: skip
         shown = displays or ("avatar",)
         if len(shown) != 1 or shown[0] not in pairs.DISPLAYS:
             raise UsageError("comprehension takes one display: avatar or points")

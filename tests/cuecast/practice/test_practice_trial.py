@@ -16,6 +16,7 @@ from cuecast.command.cli import main
 from cuecast.practice import comprehension, pairs
 from cuecast.practice.doubles import minimal_pairs
 from cuecast.practice.items import lips_only, pair_items, text_item, through_channel
+from cuecast.practice.results import figures
 from cuecast.practice.session import SEEN, Answer, new_session, old_session, read_answers
 from cuecast.practice.trial import ItemCondition, Trial, read_trial
 from synth.motion.rules.performance import motion_of
@@ -206,6 +207,36 @@ def test_passages_and_conditions_form_a_latin_square(tmp_path: Path) -> None:
         comprehension.prepare(tmp_path, "claire", passages=texts)
 
 
+def test_two_voices_say_each_sentence_and_preferences_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    texts = tmp_path / "texts.txt"
+    texts.write_text("Il pleut.\nOn part demain.\n", encoding="utf-8")
+    out = str(tmp_path / "out")
+    line = ["trial", "prepare", "voices", "-o", out, "--texts", str(texts), "--trials"]
+    assert main([*line, "4"]) == 3
+    assert "2 sentences, 4 are wanted" in capsys.readouterr().err
+    assert main([*line, "2"]) == 0
+    made = read_trial(out)
+    steps = made.steps(1)
+    sources = [step.condition.source for step in steps]
+    assert sorted(sources) == ["espeak-reader", "reader-espeak"]
+    for step in steps:
+        sound, fs = soundfile.read(made.folder / step.sound)
+        assert abs(len(sound) / fs - load_motion(made.folder / step.motion).duration_s) < 0.11
+        silent = np.convolve(np.abs(sound) > 0, np.ones(round(0.8 * fs)), "valid").min()
+        assert silent == 0, "a pause between the voices"
+        loud = np.flatnonzero(sound)
+        assert loud[0] < 0.05 * fs
+    session = new_session(made)
+    for number, source in enumerate(session.steps):
+        first = source.condition.source.startswith("reader")
+        session.answer(number, Answer(0 if first else 2, 900.0, 60.0))
+    (row,) = figures(made)["conditions"]
+    assert (row["source"], row["answers"]) == ("espeak over reader", 2)
+    assert row["share"][0] == 0.25, "the reader once, both once"
+
+
 def test_power_and_bad_options_of_the_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -216,6 +247,8 @@ def test_power_and_bad_options_of_the_command(
         (["pairs", "--trials", "5"], "an even number is needed"),
         (["pairs", "--hands", "feet"], "choose from lips, hand"),
         (["naturalness"], "needs --recordings"),
+        (["voices", "--speakers", "reader"], "two or more of reader"),
+        (["voices", "--trials", "3"], "half of them begin"),
         (["comprehension", "--displays", "points,avatar"], "takes one display"),
     ):
         assert main(["trial", "prepare", *options, "-o", out]) in (2, 3)
