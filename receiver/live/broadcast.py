@@ -15,6 +15,7 @@ import av
 
 from codec.cuer.voice import Voice
 from codec.errors import CueError
+from receiver.live.captions import CaptionDecoder, CaptionsShown, caption_stream
 from receiver.live.continuity import SteadyClock
 from receiver.live.fragments import Fragments, FragmentWriter, playable
 from receiver.live.line import READ_TIMEOUT_S, DatagramLine, InputLine, Pipe
@@ -57,7 +58,7 @@ class MediaFragment:
     data: bytes
 
 
-Happening = Event | MediaStart | MediaFragment
+Happening = Event | MediaStart | MediaFragment | CaptionsShown
 
 
 class Broadcast:
@@ -110,6 +111,7 @@ class Broadcast:
         self._state: State = "searching"
         self._sound = SoundLine(self._clock, self.metrics)
         self._looks = PictureLine(self.metrics)
+        self._captions: CaptionDecoder | None = None
 
     def stop(self) -> None:
         """Ask `run` to end."""
@@ -178,6 +180,10 @@ class Broadcast:
             streams = [stream for stream in (sound, seen) if stream is not None]
             if not streams:
                 raise CueError(f"{self._source}: neither sound nor picture")
+            text = caption_stream(container)
+            if text is not None:
+                streams.append(text)
+                self._captions = CaptionDecoder()
             if sound is None:
                 self._open_writer(0, 0)
                 if self._receiver is None:
@@ -196,6 +202,8 @@ class Broadcast:
                     without_sound = 0
                     for block in self._sound.take(packet):
                         self._hear(block)
+                elif packet.stream is text:
+                    self._read_captions(packet)
                 elif packet.pts is not None:
                     without_sound += 1
                     self._take_picture(packet)
@@ -257,6 +265,19 @@ class Broadcast:
             self._recode(self._picture, packet, place.time_s)
         elif self._picture is not None:
             self._write(lambda writer: writer.picture(packet, place.time_s))
+
+    def _read_captions(self, packet: Any) -> None:
+        """Pass on the text that a packet shows."""
+        if self._captions is None or packet.pts is None or not packet.size:
+            return
+        time_s = self._clock.find(float(packet.pts * packet.time_base))
+        try:
+            shown = None if time_s is None else self._captions.take(packet, time_s)
+        except (av.error.FFmpegError, ValueError):
+            self.metrics.add("damaged_packets_total")
+            return
+        if shown is not None:
+            self._tell(shown)
 
     def _look(self, packet: Any, time_s: float) -> None:
         """Give the picture to the receiver, as long as something may be found in it."""

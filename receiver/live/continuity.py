@@ -80,3 +80,15 @@ class SteadyClock:
             self._offset_s += time_s - raw_s
         self._last[stream] = max(time_s + duration_s, self._last.get(stream, time_s))
         return LocalTime(round(time_s, 9), spliced)
+
+    def find(self, stamp_s: float) -> float | None:
+        """Return the local time of a time stamp near the present; the clock stays as it is.
+
+        None before the first media, and for a time stamp of another stretch.
+        """
+        now_s = max(self._last.values(), default=None)
+        if self._offset_s is None or now_s is None:
+            return None
+        time_s = stamp_s + self._offset_s
+        time_s -= STAMP_PERIOD_S * round((time_s - now_s) / STAMP_PERIOD_S)
+        return time_s if abs(time_s - now_s) <= MAX_HOLE_S else None

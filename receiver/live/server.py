@@ -5,6 +5,7 @@ The broadcast's thread hands over happenings; every viewer has two WebSockets, o
 """
 
 import asyncio
+import base64
 import contextlib
 import json
 import threading
@@ -16,6 +17,7 @@ from aiohttp import WSMsgType, web
 
 from codec.cuer.voice import Voice
 from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaStart
+from receiver.live.captions import CaptionsShown
 from receiver.live.memory import give_back_large_blocks
 from receiver.reception.authenticity import Trust
 from receiver.reception.events import (
@@ -76,6 +78,7 @@ class LiveTelevision(TelevisionChannel):
         self._recent: deque[_Message] = deque(maxlen=_RECENT_EVENTS)
         self._state = pack_event(StateChanged(0.0, "searching"))
         self._whose: list[_Message] = []
+        self._text: list[_Message] = []
         self._start: list[_Message] = []
         self._fragments: deque[bytes] = deque(maxlen=_RECENT_FRAGMENTS)
         self._listeners: dict[str, set[asyncio.Queue[_Message]]] = {"feed": set(), "media": set()}
@@ -102,9 +105,10 @@ class LiveTelevision(TelevisionChannel):
         loop = self._loop
         if loop is not None:
             with contextlib.suppress(RuntimeError):  # the server has just ended
-                loop.call_soon_threadsafe(self._publish, happening)
+                loop.call_soon_threadsafe(self.publish, happening)
 
-    def _publish(self, happening: Happening) -> None:
+    def publish(self, happening: Happening) -> None:
+        """Pass a happening to the viewers; in the server's thread."""
         assert self._loop is not None
         self._last_news_s = self._loop.time()
         match happening:
@@ -112,6 +116,11 @@ class LiveTelevision(TelevisionChannel):
                 self._loop.call_later(self._hold_s, self._show_media, happening)
             case MediaStart() | MediaFragment():
                 self._show_media(happening)
+            case CaptionsShown(start_s, end_s, png):
+                picture = base64.b64encode(png).decode()
+                shown = {"type": "captions", "start_s": start_s, "end_s": end_s, "png": picture}
+                self._text = [json.dumps(shown)]
+                self._send("feed", self._text[0])
             case _:
                 self._show_event(happening)
 
@@ -165,7 +174,9 @@ class LiveTelevision(TelevisionChannel):
         await self._relay(socket, "media", lambda: [*self._start, *self._fragments])
 
     async def _tell(self, socket: web.WebSocketResponse) -> None:
-        await self._relay(socket, "feed", lambda: [self._state, *self._whose, *self._recent])
+        await self._relay(
+            socket, "feed", lambda: [self._state, *self._whose, *self._text, *self._recent]
+        )
 
     async def _relay(
         self, socket: web.WebSocketResponse, kind: str, before: Callable[[], list[_Message]]

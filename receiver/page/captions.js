@@ -1,8 +1,12 @@
 /**
- * The programme's text beside the cuer: the cues of one of the media's text tracks.
+ * The programme's text beside the cuer: the cues of one of the media's text tracks, which the browser
+ * times, or pictures of text that a broadcast sends (DVB subtitles).
  *
- * The browser times them; here they are only written where the layout has room for them.
+ * They are put where the layout has room for them.
  */
+
+/** Pictures that wait for their time, at most: a broadcast sends them seconds ahead. */
+const MOST_PICTURES = 20;
 
 export class Captions {
   /** @param {HTMLMediaElement} video @param {HTMLElement} box where the text goes */
@@ -10,6 +14,9 @@ export class Captions {
     this.video = video;
     this.box = box;
     this.track = null;
+    /** @type {{startS: number, endS: number, image: HTMLImageElement | null}[]} */
+    this.pictures = [];
+    this.shown = null;
     video.textTracks.addEventListener("addtrack", () => this.choose());
     video.textTracks.addEventListener("removetrack", () => this.choose());
     this.choose();
@@ -17,7 +24,23 @@ export class Captions {
 
   /** Whether the programme has any text. */
   get present() {
-    return this.track !== null;
+    return this.track !== null || this.pictures.length > 0;
+  }
+
+  /** Keep a broadcast's `{start_s, end_s, png}`; an empty picture ends the one before. */
+  insert({ start_s: startS, end_s: endS, png }, name) {
+    const image = png ? Object.assign(new Image(), { src: `data:image/png;base64,${png}`, alt: name }) : null;
+    this.pictures = [...this.pictures.filter((picture) => picture.startS < startS), { startS, endS, image }].slice(-MOST_PICTURES);
+  }
+
+  /** Show the picture of a time, if the programme has no track of text. */
+  showAt(timeS) {
+    if (this.track) return;
+    const now = this.pictures.filter(({ startS }) => startS <= timeS).pop();
+    const image = now && timeS < now.endS ? now.image : null;
+    if (image === this.shown) return;
+    this.shown = image;
+    this.box.replaceChildren(...(image ? [image] : []));
   }
 
   /** Take the French track, else the first; the browser is not to show it itself. */

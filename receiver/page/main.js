@@ -122,6 +122,11 @@ class Page {
     else if (message.type === "line") this.quiet = message.quiet;
     else if (message.type === "authenticity") this.whose = message;
     else if (message.type === "keys") this.timeline.insertKeys(message.keys);
+    else if (message.type === "captions") {
+      const { present } = this.captions;
+      this.captions.insert(message, this.words().captions);
+      if (!present) this.apply();
+    }
   }
 
   /** Say that the picture was coded anew for the browser, or cannot be shown. */
@@ -164,6 +169,7 @@ class Page {
     const shownS = this.shownS = timeS - this.settings.get("delay") / 1000;
     const visibility = this.cuer.show(shownS, this.settings.values);
     this.drawn = { timeS, nowMs: now, visibility };
+    this.captions.showAt(timeS);
     const words = this.words();
     const state = this.state(timeS, visibility);
     if ((state === "absent") !== this.absent) {

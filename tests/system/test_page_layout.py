@@ -1,20 +1,26 @@
 """The page's layout, captions, controls and accessibility, in Chromium and Firefox."""
 
 import asyncio
+import io
 import json
 from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
+import av
+import numpy as np
 import pytest
 
 from codec.cuer.voice import load_voice
+from receiver.live.captions import CaptionDecoder, CaptionsShown
+from receiver.live.server import LiveTelevision
 from receiver.television.packed import Captions
 from receiver.television.server import Television
 from receiver.television.tuner import MotionTuner
 from tests import chromium, firefox
 from tests.browsing import Tab
+from tests.receiver.live.dvb_text import page as page_of
 from tests.receiver.node import run_node
 from tests.receiver.standin import make_motion
 from tests.system.test_page import make_programme
@@ -204,7 +210,7 @@ async def preferences(page: chromium.Page) -> None:
     assert moving in ("0s", "1e-05s")
     await page.screenshot(ARTEFACTS / "forced-colours.png")
     source = "HTMLCanvasElement.prototype.getContext = ((old) => function (kind, ...rest) {"
-    source += " return kind === 'webgl' ? null : old.call(this, kind, ...rest);"
+    source += " return kind.startsWith('webgl') ? null : old.call(this, kind, ...rest);"
     source += " })(HTMLCanvasElement.prototype.getContext)"
     await page.call("Page.addScriptToEvaluateOnNewDocument", source=source)
     await page.call("Page.reload")
@@ -213,8 +219,48 @@ async def preferences(page: chromium.Page) -> None:
         assert await page.evaluate(f"document.getElementById('{id}').hidden") is True
 
 
+def test_pictures_of_text_come_and_go_beside_the_cuer(programme: Path) -> None:
+    """A broadcast's text, which has no track."""
+    shown = CaptionDecoder().take(av.Packet(page_of(np.ones((40, 200), np.uint8), 0)), 3.0)
+    assert shown is not None
+    television = LiveTelevision(io.BytesIO(), load_voice())
+    sent: list[tuple[str, Any]] = []
+    television._send = lambda kind, message: sent.append((kind, message))  # type: ignore[method-assign]
+    asyncio.run(publish(television, [shown, CaptionsShown(5.0, 9.0, b"")]))
+    assert [kind for kind, _ in sent] == ["feed", "feed"]
+    image = "document.querySelector('#captions:not([hidden]) img')"
+
+    async def visit(page: Tab) -> None:
+        assert not await page.evaluate("cuecast.captions.present")
+        for _, message in sent:
+            await page.evaluate(f"cuecast.receive({message})")
+        for time_s, there in ((2.9, False), (3.1, True), (4.9, True), (5.1, False), (4.0, True)):
+            await page.evaluate(f"cuecast.seekTo({time_s})")
+            await page.until(f"Math.abs(cuecast.drawn.timeS - {time_s}) < 0.05")
+            assert await page.evaluate(f"{image} !== null") is there
+        await page.until(f"{image}.naturalWidth === 200")
+        lies = f"JSON.stringify({image}.getBoundingClientRect())"
+        box, cuer = [
+            json.loads(await page.evaluate(where))
+            for where in (lies, lies.replace(image, "document.getElementById('avatar')"))
+        ]
+        assert box["height"] > 20
+        assert box["right"] <= cuer["left"]
+
+    asyncio.run(open_page(chromium.browse, programme, visit, None))
+
+
+async def publish(television: LiveTelevision, happenings: list[CaptionsShown]) -> None:
+    television._loop = asyncio.get_running_loop()
+    for happening in happenings:
+        television.publish(happening)
+
+
 async def open_page(
-    browse: Browse, programme: Path, visit: Callable[[Tab], Awaitable[None]], captions: Captions
+    browse: Browse,
+    programme: Path,
+    visit: Callable[[Tab], Awaitable[None]],
+    captions: Captions | None,
 ) -> None:
     voice = load_voice()
     motion = make_motion(voice, 20.0)

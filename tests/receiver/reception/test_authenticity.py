@@ -175,8 +175,8 @@ def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> N
 
     async def main() -> None:
         television._loop = asyncio.get_running_loop()
-        television._publish(MediaFragment(b"media"))
-        television._publish(AuthenticityChanged(1.0, "verified", "channel 0"))
+        television.publish(MediaFragment(b"media"))
+        television.publish(AuthenticityChanged(1.0, "verified", "channel 0"))
         assert [kind for kind, _ in sent] == ["feed"]
         await asyncio.sleep(0.6)
         assert sent[1] == ("media", b"media")
