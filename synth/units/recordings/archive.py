@@ -41,7 +41,7 @@ FORMAT = "cuecast-recordings-2"
 _MAX_LABEL_BYTES = 1 << 30
 """Bytes of labels, unpacked, at most: a bound against hostile files."""
 
-_STEPS = 32
+_STEPS = 16
 """Steps of a motion parameter within its standard deviation."""
 
 _LSP_STEPS = 255 / np.pi

@@ -20,7 +20,7 @@ def _vowel(n: int) -> NDArray[np.float64]:
     for hz in (700, 1900):
         pole = 0.97 * np.exp(2j * np.pi * hz / FS)
         x = np.asarray(lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], x))
-    return x / np.abs(x).max()
+    return np.asarray(x / np.abs(x).max())
 
 
 def _joined(late: int, gain: float) -> NDArray[np.float64]:

@@ -21,7 +21,7 @@ def test_the_reader_comes_with_the_package_and_speaks() -> None:
     recordings = reader_recordings(voice)
     assert recordings[0].motion.voice == voice.identity, "make synth/assets/margot again"
     assert sum(file.stat().st_size for file in READER_ASSET.iterdir()) < 10_000_000
-    assert sum(len(recording.score.phones) for recording in recordings) > 10_000
+    assert sum(len(recording.score.phones) for recording in recordings) > 15_000
     few = ConcatenativeSynthesiser(recordings[:40], voice)
     phones = tuple(
         Phone(symbol, 0.5 + 0.09 * i, 0.59 + 0.09 * i) for i, symbol in enumerate("bɛlavi")
@@ -34,9 +34,11 @@ def test_the_reader_comes_with_the_package_and_speaks() -> None:
 
 def test_labels_carry_how_well_they_fit() -> None:
     recordings = read_archive(READER_ASSET)
-    short = min(recordings, key=lambda recording: recording.samples)
-    found = label_fits(short.sound, short.fs, short.score.phones)
-    assert np.allclose(short.fits, found, atol=0.02)
+    first = recordings[0]
+    found = label_fits(first.sound, first.fs, first.score.phones)
+    # The sound was judged before it was coded. Measured: .99 and .08.
+    assert np.corrcoef(first.fits, found)[0, 1] > 0.95
+    assert np.median(np.abs(first.fits - found)) < 0.15
     everything = np.concatenate([recording.fits for recording in recordings])
     assert everything.max() <= 0
     assert -0.3 < np.median(everything) < -0.1
