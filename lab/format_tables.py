@@ -42,7 +42,7 @@ from codec.training.coding_tables import blocks_of, near, parts_of
 FRENCH = french()
 N = FRENCH.n_phones
 _PHASES = 8
-"""Every score is cut into superframes at so many different places."""
+"""Places at which every score is cut into superframes."""
 
 _PAUSE_FIRST = 0.05
 """Share of compact superframes that begin with a pause (their writer decides)."""

@@ -88,7 +88,7 @@ _CARRIERS = {
 }
 
 PROFILES: dict[str, dict[str, Any]]
-"""Profiles by carrier and name; each tells ``l0_bytes``, ``l1_bytes`` and ``net_bps``."""
+"""Profiles by carrier and name; each states ``l0_bytes``, ``l1_bytes`` and ``net_bps``."""
 
 if not TYPE_CHECKING:  # type checkers would take any name for one of ours
 

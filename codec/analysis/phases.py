@@ -1,6 +1,6 @@
 """Phasing: when each gesture begins and ends, against the sound it belongs to.
 
-Two measurements. The *extent* of a gesture is the time in which the probability of its shape or
+Two measurements. The *extent* of a gesture is the time while the probability of its shape or
 placement dominates all others (Gibert, Bailly, Elisei 2004, section 4); a key that repeats its
 neighbour's shape or placement has no extent of its own. The *stroke* is the movement to the
 target, from the speed of the hand: it begins (M1) and ends (M2) where the speed has fallen to a

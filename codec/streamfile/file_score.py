@@ -72,7 +72,7 @@ class FileScore:
 
 
 NO_SCORE = FileScore(None, DEFAULT_OPTIONS, learning=False)
-"""What a file without a score says."""
+"""Score of a file that has none."""
 
 
 def usual_consonant(ticks: int) -> int:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Size = Callable[[bytes], int]
 
 ScoreChoice = Literal["auto", "keep", "drop"]
-"""Whether a file tells its score: where it costs little, always, or never."""
+"""Whether a file codes its score: where it costs little, always, or never."""
 
 MOST_COST = 0.01
 """Share by which a file with its score may be larger, or less exact, than without it."""
@@ -32,7 +32,7 @@ _CLEARLY_LESS = -0.12
 a hand rests for long."""
 
 _FRAMES = 3, 1
-"""Errors are taken of one frame in so many; then of all, if these leave a doubt."""
+"""Errors are taken of one frame in this many; then of all, if these leave a doubt."""
 
 _DOUBT = 0.04
 """Difference of a cost from the most that leaves one: of one frame in three it is off by .03."""
@@ -41,13 +41,13 @@ _NO_ERROR_MM = 1e-6
 """Error that counts as none."""
 
 _NEAR = 2
-"""Steps by which the right one may be off for what was chosen to stay."""
+"""Steps by which the right one may be off while the choice stays."""
 
 _SPARE_PART = 250
 """Part of a file's room that may stay empty."""
 
 _FILLINGS = 4
-"""Times that a file is filled to its room, each time with what the last one left."""
+"""Times that a file is filled to its room, each time with the bytes that the last one left."""
 
 _MOST_FILLINGS = 16
 """The same as long as it was filled beyond its room."""

@@ -101,7 +101,7 @@ def encode_stream(
         Give every superframe the same size, as on air; the rate is that of the superframes. Up to
         150 bit/s they are compact: the score alone.
     score : {"auto", "keep", "drop"}
-        Tell the score, and so the keys, if the file is at most 1 % larger with it, or its error at
+        Code the score, and so the keys, if the file is at most 1 % larger with it, or its error at
         the rate at most 1 % greater; always; or never. Compact superframes of constant size are
         nothing without it.
     options : CueingOptions

@@ -28,7 +28,7 @@ from codec.superframe.superframe import resynthesis_of
 Array = NDArray[np.float64]
 
 LABELLED_AHEAD = 2, 4
-"""Distances of the superframes whose labels a filmed one tells beside its own."""
+"""Distances of the superframes whose labels a filmed one codes beside its own."""
 
 _HISTORY = 8
 """Superframes whose fitted scores are remembered."""
@@ -216,7 +216,7 @@ class Analyst:
         told[near] = self._labels(index + near)
         begin = int(motion.start_s // SUPERFRAME_S) if self._begin is None else self._begin
         if last and index - 1 - near < begin <= index - 1:
-            # What begins a programme has not been told before.
+            # The beginning of a programme was not sent before.
             return told | {-1: last}
         return told
 

@@ -58,7 +58,7 @@ RECORD_BYTES = 1
 """Bytes of the head of a superframe in a file."""
 
 SEQUENCES = 64
-"""Numbers of superframes that the header tells apart."""
+"""Numbers of superframes that the header distinguishes."""
 
 COMPACT_SEQUENCES = 16
 """The same in compact ones."""

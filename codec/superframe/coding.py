@@ -202,7 +202,7 @@ _SPECTRUM = 1 / (1 + (np.arange(TICKS) / 2.0) ** 3)
 """Expected power of a residual by frequency, of cosines over a superframe."""
 
 DOUBT = 2.0
-"""Variance of each parameter that the basis of filmed motion adds to what is known: of 0.5, 1 and 2
+"""Variance of each parameter that the basis of filmed motion adds to the known one: of 0.5, 1 and 2
 the least rate on films of cuers that training has not seen."""
 
 _HEAD_MM = 3.0

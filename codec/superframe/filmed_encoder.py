@@ -39,7 +39,7 @@ FILMED_MM = 108.0
 27 bytes hold one who cues."""
 
 TURNS = 6
-"""Times that a superframe is refined; so many to either side shape it. With 3, four of 64 real
+"""Times that a superframe is refined; as many to either side shape it. With 3, four of 64 real
 takes are more than 3 % worse than without keys (`cuecast evaluate onair`)."""
 
 LIVE_TURNS = 3
@@ -54,7 +54,7 @@ _MOST_COST = 0.3
 """Share of a superframe's squared error that labels against a second loss may cost, at most."""
 
 _WRITTEN = 6
-"""Refined superframes that are written, to see what the ends of their parts leave."""
+"""Refined superframes that are written, to see how many bits the ends of their parts leave."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from codec.superframe.tables import ScoreTables
 Table = NDArray[np.int64]
 
 CELL = 4
-"""Ticks to which labels tell times; a start counts as in the middle of its cell."""
+"""Resolution of the times of labels, in ticks; a start counts as in the middle of its cell."""
 
 OWN = 0
 """Distance of the superframe itself."""

@@ -25,7 +25,7 @@ FEATURES = ("aperture", "roll")
 """Upper over lower lip, and upper in front of lower lip, mm."""
 
 _FREE = 1e3
-"""Tolerance in mm of what a phone does not demand: any."""
+"""Tolerance in mm where a phone demands nothing: any."""
 
 _TOLERANCE_MM = {"p b m": (0.1, 0.3), "f v": (0.4, 0.4)}
 """How far the features may be from the viseme's; other phones do not insist on them."""
@@ -34,7 +34,7 @@ _NEAR = 0.4
 """Share of the way to the nearest rival by which a mouth may miss its viseme."""
 
 _FARTHEST_MM, _TWINS_MM = 2.0, 0.7
-"""Greatest distance allowed, and visemes so near to each other that nobody tells them apart.
+"""Greatest distance allowed, and visemes too near to each other to be distinguished.
 
 Means over the markers of the lips; twins are the a of *patte* and *pâte*.
 """

@@ -26,10 +26,10 @@ CHOICES: tuple[tuple[int, ...], ...] = ((), (2,), (4,), (2, 4), (2, 4, 6))
 """Which of them it does, by symbol."""
 
 EXACT = 2
-"""Distance of the preview that tells times to a tick."""
+"""Distance of the preview whose times are exact to a tick."""
 
 CELL = 2
-"""Ticks to which the others tell them."""
+"""Resolution of times of the others, in ticks."""
 
 SILENCE = french().silence
 """Symbol of a silence in French; those of keys are below (`Language.symbol_of`).

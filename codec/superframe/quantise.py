@@ -28,7 +28,7 @@ SHARES = (1.0, 0.5, 0.0)
 """Shares of a part's prediction that a superframe can use (P10)."""
 
 PARTS = 4
-"""Face, hand, head and forearm: what the shares are told for."""
+"""Face, hand, head and forearm: each has a share."""
 
 WHOLE_USED = (0,) * PARTS
 """Shares of a superframe that uses all of its prediction."""

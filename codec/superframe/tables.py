@@ -31,7 +31,7 @@ TEMPOS = 4
 
 
 PAUSE_LENGTHS = TICKS // 2 + 1
-"""Lengths of pauses, in units of two ticks, that a table tells apart."""
+"""Lengths of pauses, in units of two ticks, that a table distinguishes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,7 +105,7 @@ Bases = tuple[Basis, ...]
 
 
 _NOISE = 0.02
-"""Share of a channel's variance that is taken for error of what is known."""
+"""Assumed noise share of a channel's variance."""
 
 _LAGS = 3 * TICKS
 """Ticks over which correlations are taken."""

@@ -45,13 +45,13 @@ TIMING = cumulative([1, 3])
 """Frequencies of the forms of timing (M3)."""
 
 PACES = (3, 4, 5, 6, 7, 8, 10, 13)
-"""Eighths of their usual length that phones take by rule."""
+"""Durations of phones by the rule, in eighths of their usual length."""
 
 PACE = cumulative([4, 14, 16, 12, 8, 5, 3, 2])
 """Frequencies of paces (table 3)."""
 
 CORRECTIONS = (0, -2, 2, -4, 4, -7, 7, 12)
-"""Ticks by which a vowel lasts longer than by rule."""
+"""Lengthening of a vowel beyond the rule, in ticks."""
 
 CORRECTION = cumulative([44, 5, 4, 3, 3, 1, 2, 2])
 """Frequencies of corrections (table 3)."""

@@ -85,14 +85,14 @@ _OPENING_PAUSE_BITS = 5.0
 """Bits of a pause that begins a window, about."""
 
 _RULED_BITS = 14.0
-"""Bits of a window with timing by rule that are not phones, about."""
+"""Bits of a window with rule-based timing that are not phones, about."""
 
 
 _LATE = 4
-"""Ticks by which a window's last phone may end elsewhere than meant."""
+"""Maximum end-time error of the last phone, in ticks."""
 
 _LONGER = 8
-"""Ticks by which a phone may really last longer than told before a window ends there."""
+"""Ticks by which a phone may really last longer than coded before a window ends there."""
 
 _Meant = tuple[int, int, int, int]
 """Number, start and end of a phone in a window, and symbols of the code up to its end."""
@@ -179,7 +179,7 @@ class WindowWriter:
             self._next += 1
         if self._next < len(line.starts) and line.starts[self._next] < begin + EARLIEST:
             # Speech that no timing keeps up with loses keys; it goes on with a consonant, as a
-            # vowel could be taken for that of the last one told.
+            # vowel could be taken for that of the last one coded.
             while self._next < len(line.starts) and (
                 line.starts[self._next] < begin + EARLIEST
                 or not self._language.is_consonant(line.numbers[self._next])

@@ -40,7 +40,7 @@ _GREAT = 16
 """Channels of most motion, over which the spectrum of filmed motion is the mean."""
 
 _EVERY = 97
-"""The metric is the mean over every so many frames."""
+"""Stride in frames of the mean that is the metric."""
 
 
 def blocks_of(motion: Motion) -> Array:

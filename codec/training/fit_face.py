@@ -44,7 +44,7 @@ GUIDES = [
     np.arange(3 * layout.N_FACE),
 ]
 """Coordinates whose first component defines each parameter: jaw, rounding and spreading, lower
-lip, upper lip, corners, throat, and what is left."""
+lip, upper lip, corners, throat, and the rest."""
 
 
 @one_thread

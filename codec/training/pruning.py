@@ -36,7 +36,7 @@ def prune(frames: ArrayLike, distance_mm: float = PRUNE_MM) -> NDArray[np.int64]
     from codec.cuer.models import _kernels
 
     array = np.ascontiguousarray(frames, dtype=np.float32)
-    # Most mobile markers first: frames that differ are told apart by the first comparison.
+    # Most mobile markers first: the first comparison separates frames that differ.
     order = np.argsort(-array.std(0).sum(-1), kind="stable")
     kept = np.empty(len(array), dtype=np.int64)
     ordered = np.ascontiguousarray(array[:, order])

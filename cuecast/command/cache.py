@@ -28,7 +28,7 @@ def prepare_cache(folder: str | None) -> None:
     Parameters
     ----------
     folder : str or None
-        Told by the user; made if it does not exist.
+        Given by the user; made if it does not exist.
 
     Raises
     ------

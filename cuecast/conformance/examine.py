@@ -23,7 +23,7 @@ PROTOCOL = 1
 """Version of the protocol that a decoder has to state."""
 
 REQUESTS = ("superframe", "draw", "file", "proofs", "sound")
-"""What a decoder may say that it does."""
+"""Requests that a decoder may offer."""
 
 VECTORS = Path(__file__).parents[2] / "spec" / "vectors"
 """Where a checkout has the vectors."""

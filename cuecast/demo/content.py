@@ -27,7 +27,7 @@ LINES = (
     "Le téléviseur les retrouve, puis il dessine notre amie à l'écran.",
     "Merci de votre confiance, et bonne soirée à tous.",
 )
-"""What is said."""
+"""Sentences of the speaker."""
 
 _FIRST_LINE_S = 2.5
 """Seconds before the first line, in which a receiver tunes in."""

@@ -85,7 +85,7 @@ def _stillest(motion: Motion, voice: Voice, key: Key) -> float:
 
 
 def _caption(key: Key, time_s: float) -> str:
-    # A key that only a preview told has no phones.
+    # A key that only a preview holds has no phones.
     told = "".join(key.phones) + ", " if key.phones else ""
     return f"{time_s:.2f} s: {told}shape {key.shape} at the {key.placement}"
 

@@ -27,7 +27,7 @@ BROADCASTS = (
     ("AAC 128 kbit/s in MP4", "broadcast-aac.mp4", "aac", 128_000),
     ("MP2 192 kbit/s in MPEG-TS", "broadcast-mp2.ts", "mp2", 192_000),
 )
-"""What a broadcaster does with the dubbed programme: name, file, codec, bit rate."""
+"""Broadcasts of the dubbed programme: name, file, codec, bit rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     )  # fmt: skip
     pace = PaceReport(warn=say)
     reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
-    score = score_of_subtitles(subtitles, reading=reading, told=pace)
+    score = score_of_subtitles(subtitles, reading=reading, on_word=pace)
     source = SynthesisedMotion(score, voice, seed=seed)
 
     say(f"    {pace}")

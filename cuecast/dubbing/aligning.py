@@ -22,7 +22,7 @@ from synth.planning.alignment.score import (
     phones_of_recording,
 )
 from synth.planning.alignment.sound import mono
-from synth.planning.scoring.text_score import PLAIN, Reading, Told, in_pieces, tell_nobody
+from synth.planning.scoring.text_score import PLAIN, OnWord, Reading, ignore_word, in_pieces
 
 _KEPT_S = 7.0
 """Sound before the last stretch that stays in memory: stretches overlap by less."""
@@ -71,7 +71,7 @@ def aligned_score(
     reading: Reading = PLAIN,
     warn: Callable[[str], None],
     judged: Judged,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Score:
     """Return the score of subtitles as the voices of `programme` say it.
 
@@ -82,7 +82,7 @@ def aligned_score(
     track : int
         Which of its sounds, from 0.
     reading : Reading
-    warn, judged, told : callable
+    warn, judged, on_word : callable
         As in `synth.planning.alignment.score.align`.
 
     Raises
@@ -92,7 +92,7 @@ def aligned_score(
     """
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme, track=track)
-        return align(subtitles, voices, reading=reading, warn=warn, judged=judged, told=told)
+        return align(subtitles, voices, reading=reading, warn=warn, judged=judged, on_word=on_word)
 
 
 def aligned_pieces(
@@ -102,13 +102,13 @@ def aligned_pieces(
     reading: Reading = PLAIN,
     warn: Callable[[str], None],
     judged: Judged,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Iterator[Score]:
     """Yield what `aligned_score` returns in pieces, in constant memory."""
     with ExitStack() as stack:
         voices = ProgrammeVoices(stack, programme)
         phones = phones_of_recording(
-            subtitles, voices, reading=reading, warn=warn, judged=judged, told=told
+            subtitles, voices, reading=reading, warn=warn, judged=judged, on_word=on_word
         )
         yield from in_pieces(phones, reading)
 

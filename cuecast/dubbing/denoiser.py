@@ -25,7 +25,7 @@ Table = NDArray[np.float32]
 
 
 def weights(strength: float) -> Table:
-    """Part of a difference by which a pixel is drawn, for differences of 0 to 255 levels.
+    """Part of a difference that moves a pixel, for differences of 0 to 255 levels.
 
     Examples
     --------

@@ -53,7 +53,7 @@ assert FRAMES / RATE_HZ == SUPERFRAME_S
 Samples = NDArray[np.float32]
 
 PROFILES = {"audio": "standard", "video": "standard", "a335": "1x"}
-"""Profile of each carrier unless told otherwise."""
+"""Profile of each carrier by default."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +133,7 @@ def dub(
         That of `motion`.
     options : DubOptions
     progress : callable
-        Told how many seconds of sound each block brought.
+        Called with the seconds of sound that each block brought.
 
     Returns
     -------

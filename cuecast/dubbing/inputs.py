@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from synth.planning.alignment.score import Judged
     from synth.planning.prosody.pacing import Pace
     from synth.planning.prosody.simulation import PerformerChoice
-    from synth.planning.scoring.text_score import Reading, Told
+    from synth.planning.scoring.text_score import OnWord, Reading
 
 
 def reading_of(args: argparse.Namespace) -> "Reading":
@@ -58,14 +58,14 @@ def pace_of(args: argparse.Namespace) -> "Pace | None":
     return Pace(args.max_lag, args.syllables_per_second, args.keys_per_second)
 
 
-def score_of(args: argparse.Namespace, told: "Told") -> "Score":
-    """Return the score of the input of `add_text` and `add_reading`; `told` gets each word."""
+def score_of(args: argparse.Namespace, on_word: "OnWord") -> "Score":
+    """Return the score of the input of `add_text` and `add_reading`; `on_word` gets each word."""
     if args.text is not None:
         from synth.planning.scoring.text_score import score_of_text
 
         _note_language(args.text)
-        return score_of_text(args.text, start_s=REST_S, reading=reading_of(args), told=told)
-    return score_of_file(args, args.file, told)
+        return score_of_text(args.text, start_s=REST_S, reading=reading_of(args), on_word=on_word)
+    return score_of_file(args, args.file, on_word)
 
 
 def _note_language(text: str) -> None:
@@ -78,18 +78,18 @@ def _note_language(text: str) -> None:
 
 
 def pieces_of(
-    args: argparse.Namespace, recording: str | None, judged: "Judged", told: "Told"
+    args: argparse.Namespace, recording: str | None, judged: "Judged", on_word: "OnWord"
 ) -> "tuple[Iterator[Score], float | None]":
     """Return the score of what `add_text` and `add_reading` read in pieces, and its length.
 
     The length in seconds, where it is known, is for showing progress. With a recording the
-    score follows its voices, and `judged` gets the confidence; `told` is called for each word.
+    score follows its voices, and `judged` gets the confidence; `on_word` is called for each word.
     """
     from cuecast.dubbing.aligning import aligned_pieces, text_as_subtitle
     from synth.planning.scoring.text_score import stream_score
 
     if args.text is not None and recording is None:
-        score = score_of(args, told)
+        score = score_of(args, on_word)
         return iter([score]), score.phones[-1].end if score.phones else None
     if args.text is not None:
         assert recording is not None
@@ -99,19 +99,19 @@ def pieces_of(
     length_s = max((subtitle.end_s for subtitle in subtitles), default=None)
     reading = reading_of(args)
     if recording is None:
-        return stream_score(subtitles, reading=reading, warn=note, told=told), length_s
+        return stream_score(subtitles, reading=reading, warn=note, on_word=on_word), length_s
     pieces = aligned_pieces(
-        subtitles, recording, reading=reading, warn=note, judged=judged, told=told
+        subtitles, recording, reading=reading, warn=note, judged=judged, on_word=on_word
     )
     return pieces, length_s
 
 
-def score_of_file(args: argparse.Namespace, path: str, told: "Told") -> "Score":
+def score_of_file(args: argparse.Namespace, path: str, on_word: "OnWord") -> "Score":
     """Return the score of what `subtitles_of` reads."""
     from synth.planning.scoring.text_score import score_of_subtitles
 
     subtitles = subtitles_of(path, terms_of(args))
-    return score_of_subtitles(subtitles, warn=note, reading=reading_of(args), told=told)
+    return score_of_subtitles(subtitles, warn=note, reading=reading_of(args), on_word=on_word)
 
 
 def terms_of(args: argparse.Namespace) -> "Terms":

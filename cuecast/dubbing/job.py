@@ -260,12 +260,12 @@ def _motion(
         confidence = Confidence()
         score = aligned_score(
             subtitles, job.programme, track=job.options.track, reading=reading, warn=tell,
-            judged=confidence, told=pace,
+            judged=confidence, on_word=pace,
         )  # fmt: skip
         tell(str(confidence))
         said |= {"alignment": confidence.report()}
     else:
-        score = score_of_subtitles(subtitles, warn=tell, reading=reading, told=pace)
+        score = score_of_subtitles(subtitles, warn=tell, reading=reading, on_word=pace)
     source = _source(job, score, voice)
     if isinstance(source, SynthesisedMotion):
         seen = watched_plan(score, reading.performing, options)

@@ -153,7 +153,7 @@ class _PictureChain:
 def picture_channels(
     through: str | None, width: int, height: int, fps: Fraction, depth: int, *, most_bps: int = 0
 ) -> list[TriedChannel]:
-    """Prepare the coders on which a mark is tried.
+    """Prepare the coders that a mark is tried on.
 
     Parameters
     ----------

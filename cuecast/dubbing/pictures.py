@@ -35,7 +35,7 @@ class PictureOptions:
     codec, bit_rate : optional
         Of the output, if not those of the programme.
     through : str, optional
-        Coders on which the mark is tried, see `picture_channels`.
+        Coders that the mark is tried on, see `picture_channels`.
     """
 
     profiles: dict[str, str]

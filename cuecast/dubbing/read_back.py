@@ -31,7 +31,7 @@ from receiver.reception.reception import ProgrammeReceiver
 from watermark.link.superframe import SUPERFRAME_S
 
 ENOUGH = 0.98
-"""Share of the superframes below which what was written is not good enough."""
+"""Share of the superframes below which the written mark is not good enough."""
 
 _LOOK_S = 12.0
 """How long one look for an earlier mark lasts; tuning in takes 1.3 to 4 s."""
@@ -117,7 +117,7 @@ def read_back(
         Coders of the broadcast, such as ``aac:64k``, that the sound passes first; of several
         alternatives the first one, see `cuecast.dubbing.coder_stream.chains_of`.
     progress : callable
-        Told how many seconds each piece brought.
+        Called with the seconds that each piece brought.
 
     Returns
     -------

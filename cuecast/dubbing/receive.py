@@ -77,7 +77,7 @@ def receive(
     trust : Trust, optional
         Whose cues these should be.
     progress : callable
-        Told how many seconds each piece of the programme brought.
+        Called with the seconds that each piece of the programme brought.
 
     Returns
     -------

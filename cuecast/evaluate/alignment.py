@@ -43,7 +43,7 @@ _ROOM_S = 0.5
 """Seconds by which a subtitle is wider than its words, on either side."""
 
 _LINE_WORDS, _LINE_GAP_S = 8, 0.3
-"""A subtitle ends after so many words, or before a pause as long."""
+"""A subtitle ends after this many words, or before a pause as long."""
 
 _SENTENCES, _TOGETHER = 24, 4
 """Rendered sentences, and how many of them make a clip."""

@@ -38,7 +38,7 @@ _HALF_HZ = 25.0
 """Frames per second of MPEG-4's modes."""
 
 _EVERY = 97
-"""Every so many frames the metric is taken; a prime, so that it falls on all phases of speech."""
+"""Stride in frames of the metric; a prime, so that it falls on all phases of speech."""
 
 
 @dataclass(frozen=True, slots=True)

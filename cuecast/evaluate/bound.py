@@ -21,7 +21,7 @@ WINDOW = 128
 """Frames of a Welch segment: 2.56 s at 50 Hz, half overlapping."""
 
 _EVERY = 97
-"""Every so many frames the metric is taken; a prime, so that it falls on all phases of speech."""
+"""Stride in frames of the metric; a prime, so that it falls on all phases of speech."""
 
 
 @dataclass(frozen=True, slots=True)

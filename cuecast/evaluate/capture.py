@@ -153,7 +153,7 @@ SOURCES: dict[str, Source] = {
     "c3d-swaps-ghosts": _c3d, "trc-metres-z-up": _trc, "csv-1mm-noise": _noisy,
     "trc-30-markers": _few, "landmarks-3mm": _landmarks, "live-link": _live_link,
 }  # fmt: skip
-"""What the takes go through, by name; ``--channels`` chooses."""
+"""Ways that the takes go through, by name; ``--channels`` chooses."""
 
 
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:

@@ -40,7 +40,7 @@ Row = dict[str, Any]
 _SKULL = layout.marker_indices(layout.RIGID_FACE)
 
 KEY_TOLERANCE_S = 0.101
-"""How much too early or late a key may be: what a viewer does not take for wrong."""
+"""How much too early or late a key may be: a viewer does not take this for wrong."""
 
 
 @dataclass(frozen=True, slots=True)

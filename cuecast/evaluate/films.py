@@ -20,7 +20,7 @@ from synth.motion.measured.cuer import Performer
 FloatArray = NDArray[np.float64]
 
 WIDTH_MM = 1000.0
-"""What the picture shows from side to side."""
+"""Width of the scene from side to side."""
 
 ASPECT = 16 / 9
 """Width of the picture over its height."""

@@ -38,7 +38,7 @@ _MODEL_SHA256 = "905e5bf8336bcc625ba4e33498d675a4b935504118c594d868c36e91a60c1a5
 """Of the weights: those who distribute them are not those who made them."""
 
 Listener = Callable[[NDArray[np.float64]], str]
-"""Gives what is understood of a sound at `FS`."""
+"""Gives the words understood in a sound at `FS`."""
 
 
 def french_listener(folder: Path) -> Listener:

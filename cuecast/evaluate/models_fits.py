@@ -29,7 +29,7 @@ _TRAINING_HZ = 30.0
 """Frames per second that are learnt from: neighbours at the studio's rate are alike."""
 
 _COMPLETION_STRIDE = 5
-"""Every so many frames are learnt from for completion."""
+"""Stride in frames of learning for completion."""
 
 _FACE = slice(0, layout.N_FACE)
 _HAND = slice(layout.N_FACE, layout.N_FACE + layout.N_HAND)

@@ -64,7 +64,7 @@ _REAL_PACE = 3.25
 """Keys a second at which movement is compared with that of real cuers."""
 
 _EVERY, _SENTENCES = 8, 24
-"""One sentence of so many, and how many, for the movement."""
+"""Stride in sentences, and their number, for the movement."""
 
 _TRACKER_MM = 0.8
 """Noise of a tracker's landmarks of the hand, mm: with it the mean of the knuckles is as noisy as
@@ -200,7 +200,7 @@ def figures(
     """
     report = PaceReport()
     reading = Reading(pace=pace, performing=PerformerChoice(seed=seed))
-    score = score_of_subtitles(subtitles, reading=reading, told=report)
+    score = score_of_subtitles(subtitles, reading=reading, on_word=report)
     said = [key for subtitle in subtitles for key in score_of_text(subtitle.text).keys]
     if not score.keys:
         return {"keys_said": len(said), "keys_shown": 0}

@@ -45,7 +45,7 @@ _SKIPPED, _WRONG = 0.55, 0.5
 those of ``shared/tools/real_cuers.py``."""
 
 _LEAST_SHARE = 0.05
-"""Share of a class from which a confusion is told."""
+"""Share of a class from which a confusion is listed."""
 
 REAL = "real"
 
@@ -272,7 +272,7 @@ LEGS = {
         ReaderTestSet("film-sync", "in step", TRACKED, _filmed(None)),
     )
 }
-"""What is read beside real takes, by name; ``--channels`` chooses."""
+"""Test sets beside real takes, by name; ``--channels`` chooses."""
 
 
 def _shares(name: str, count: Count) -> dict[str, Any]:

@@ -42,7 +42,7 @@ _CLIPS = {
     ".wav", ".flac", ".mp3", ".m4a", ".ogg", ".mp4", ".mkv", ".mov", ".ts", ".webm", ".avi", ".mpg",
     ".csv", ".npz",
 }  # fmt: skip
-"""Sounds, films, tables of landmarks and motions: what a folder of clips may hold."""
+"""Sounds, films, tables of landmarks and motions: the content of a folder of clips."""
 
 _YARDSTICK_S = 20.0
 """Long enough that starting the coder does not count."""

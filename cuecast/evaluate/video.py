@@ -211,7 +211,7 @@ def evaluate_video(
     channels : iterable of str
         Names from `CHANNELS`.
     profile : str
-        Profile of the carrier, and after a plus sign the coders on which it is tried.
+        Profile of the carrier, and after a plus sign the coders that it is tried on.
     seconds : float
         How much of each clip is used.
     strength : float
@@ -223,7 +223,7 @@ def evaluate_video(
     folder : Path, optional
         For files on the way.
     progress : callable
-        Told of each row.
+        Called with each row.
 
     Raises
     ------

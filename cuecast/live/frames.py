@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 _HEADER = 8
-"""Bytes that tell the length of any frame."""
+"""Bytes that hold the length of any frame."""
 
 _MPEG_RATES = (44100, 48000, 32000)
 """Rates in Hz by index (ISO/IEC 11172-3)."""

@@ -29,10 +29,10 @@ from synth.capture.sources.landmark_maps import N_HAND_LANDMARKS
 from synth.capture.sources.resample import evenly
 
 LATE_S = 0.17
-"""How late a line comes that does not tell: that of `capture --live` at 30 frames per second."""
+"""Delay of a line that states none: that of `capture --live` at 30 frames per second."""
 
 SETTLED_S = 0.5
-"""How much of what follows a key's beginning has to be seen for the key to be told."""
+"""How much of what follows a key's beginning has to be seen for the key to be reported."""
 
 _AWAY_S, _TO_REST_S = 0.4, 0.25
 """Seconds without a line after which she goes to rest, and that it takes to get there."""

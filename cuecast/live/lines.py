@@ -35,7 +35,7 @@ _PAYLOAD = 188 * 7
 """Bytes of a datagram that is sent: seven packets, as is usual."""
 
 _BUFFER = 16 << 20
-"""What the system may hold for a process that does not come to read, bytes."""
+"""Buffer of the system for a process that does not come to read, bytes."""
 
 _FORCED = 33
 """Code of SO_RCVBUFFORCE on Linux: beyond the limit of the system, for who may."""
@@ -282,7 +282,7 @@ class Output:
 
 
 def datagrams(data: bytes) -> list[bytes]:
-    """Return the datagrams in which data leave."""
+    """Return the datagrams that carry the data."""
     return [data[at : at + _PAYLOAD] for at in range(0, len(data), _PAYLOAD)]
 
 

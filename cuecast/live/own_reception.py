@@ -182,7 +182,7 @@ class ReceivingProcess:
     through : str or None
         See `OwnReceiver`.
     tell : callable
-        Told if the process ended.
+        Called if the process ended.
     """
 
     def __init__(self, key: int, through: str | None, tell: Callable[[str], None]) -> None:

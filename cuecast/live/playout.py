@@ -32,10 +32,10 @@ DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
 
 INTERPRETER_S = 1.0
-"""What a live interpreter needs: her capture, her line, and the time to tell a key."""
+"""Delay of a live interpreter: her capture, her line, and the time to recognise a key."""
 
 COMPUTING_S = 1.2
-"""What is left at least beside all waits, for coding and for a machine that is busy."""
+"""Least time left beside all waits, for coding and for a machine that is busy."""
 
 _LOOP_S = 0.005
 """Seconds that the loop waits for arrivals at a time."""

@@ -26,7 +26,7 @@ from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 _USUAL_BITS = 64_000
-"""Bit/s for one channel where the stream told none yet."""
+"""Bit/s for one channel where the stream stated none yet."""
 
 CODERS = {"mp2": ("mp2", "mp2"), "aac": ("aac", "aac"), "latm": ("aac_latm", "aac"),
           "ac3": ("ac3", "ac3"), "eac3": ("eac3", "eac3")}  # fmt: skip

@@ -28,7 +28,7 @@ HURRY_FROM_S = 1.0
 """Lag from which she hurries, in full at twice that."""
 
 _KEPT_S = 8.0
-"""Score that is kept behind what was asked for: the motion of a window depends on it."""
+"""Score that is kept behind the requested time: the motion of a window depends on it."""
 
 _LONGEST_LAG_S = 12.0
 """Text that would come later than this is left out."""

@@ -11,7 +11,7 @@ from typing import Any
 from receiver.media.programme import open_programme
 
 TELLING = ("ac3", "eac3")
-"""Encoders that can tell it."""
+"""Encoders that can state it."""
 
 _SYNC = b"\x0b\x77"
 

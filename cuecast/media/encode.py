@@ -22,7 +22,7 @@ _ENCODERS = {
 """Encoder of a codec where the names differ."""
 
 _FALLBACK_BIT_RATE = 96_000
-"""For one channel, where neither the programme nor the caller tells a rate."""
+"""For one channel, where neither the programme nor the caller states a rate."""
 
 _CODED_BITS = {"flac": 24, "alac": 24}
 """Bits of a 32 bit sample that the codec keeps."""

@@ -41,7 +41,7 @@ _ENCODERS = {
 """Encoder of a codec where the names differ."""
 
 _FALLBACK_BITS_PER_PIXEL = 0.12
-"""Bits per pixel where the programme does not tell its rate: that of good broadcasts in H.264."""
+"""Bits per pixel where the programme does not state its rate: that of good broadcasts in H.264."""
 
 _CLOCK = Fraction(1, 90_000)  # fine enough for the picture's place among the sounds
 _INTERLACED = 1 << 18 | 1 << 29  # AV_CODEC_FLAG_INTERLACED_DCT and _ME

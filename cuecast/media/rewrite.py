@@ -33,7 +33,7 @@ _WRITER_OPTIONS = {
     ".ts": {"max_delay": "700000"},  # decoders need the clock reference ahead of the pictures
     ".wav": {"rf64": "auto"},  # beyond 4 GiB
 }
-"""What the writer of a container has to be told, by suffix."""
+"""Options that the writer of a container needs, by suffix."""
 
 
 class Stage(Protocol):
@@ -102,7 +102,7 @@ def rewrite_sound(
     alone : bool
         Write the sound only.
     progress : callable
-        Told how many seconds of sound each block brought.
+        Called with the seconds of sound that each block brought.
 
     Raises
     ------

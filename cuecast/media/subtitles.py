@@ -19,8 +19,8 @@ from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
 from synth.language.subtitles.read import (
     USUAL,
+    OnLeftOut,
     Terms,
-    Told,
     cued_subtitles,
     parse_subtitles,
 )
@@ -47,7 +47,7 @@ _SCANNED_PACKETS = 400
 """Packets that are looked at for tracks."""
 
 _LONGEST_S = 7.0
-"""How long a text stays whose end is told neither by itself nor by the next one."""
+"""How long a text stays without an end of its own and without a next one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ def read_track(
     track: TextTrack,
     *,
     terms: Terms = USUAL,
-    left_out: Told = lambda item: None,
+    left_out: OnLeftOut = lambda item: None,
 ) -> list[Subtitle]:
     """Return the subtitles of a track, on the programme's clock, sorted by their start.
 

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 
 Cue = tuple[float, float, bytes]
-"""Start and end in seconds on the programme's clock, and what the packet holds."""
+"""Start and end in seconds on the programme's clock, and the packet's content."""
 
 _STYLES = b"styl"
 _RECORD = struct.Struct(">HHHBB4B")

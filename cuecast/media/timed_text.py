@@ -27,7 +27,7 @@ _EARLY_S = 0.5
 
 
 _AS_IT_STANDS = Terms(offset_s=0.0, everything=True)
-"""One document of many: what of the whole track is cued is told later."""
+"""All texts of one document: terms are applied to the whole track later."""
 
 
 def placed(start_s: float, end_s: float, one: Subtitle) -> Iterator[Subtitle]:

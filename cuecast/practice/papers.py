@@ -14,7 +14,7 @@ _MOST_BYTES = 1 << 16
 """Bytes of a consent at most."""
 
 UNFINISHED = "(à compléter"
-"""Beginning of what the researcher has to fill in."""
+"""Beginning of a text that the researcher has to fill in."""
 
 _RESPONSIBLE = f"{UNFINISHED} : nom, établissement, adresse)"
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SUMMARY = "motion from motion capture, landmarks or a video of an interpreter"
 
 _USUAL_ASPECT = 16 / 9
-"""Width over height of a film that does not tell: that of television."""
+"""Width over height of a film that states none: that of television."""
 
 _LONGEST_PATH = 1024
 """Characters; a longer text is no name of a file."""

@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(summary)
     else:
         _print(summary)
-    if reception.fault:  # a file that breaks off is malformed; what it held has been told
+    if reception.fault:  # a file that breaks off is malformed; its content has been reported
         raise CueError(reception.fault)
     return 0 if summary["superframes"]["received"] else 1
 

@@ -76,7 +76,7 @@ _PASSES, _BATCH, _RATE, _DECAY = 3, 256, 2e-3, 1e-5
 (Adam: D. Kingma, J. Ba 2015)."""
 
 _PRIOR_WEIGHT = 0.6
-"""How much of the phones' usual shares is taken from what is heard."""
+"""How much of the phones' usual shares is taken from the estimate."""
 
 Sound = NDArray[np.float64]
 Frames = tuple[NDArray[np.float32], NDArray[np.int64]]

@@ -29,7 +29,7 @@ from receiver.reception.events import Event, MotionPiece, State, StateChanged
 from receiver.television.metrics import Metrics
 
 _PICTURES_ALONE = 150
-"""After so many pictures without sound it may have another address: open the line again."""
+"""After this many pictures without sound it may have another address: open the line again."""
 
 _RETRY_S = (0.2, 0.5, 1.0, 2.0)
 """Seconds before a line is opened again, the first times; then as the last."""

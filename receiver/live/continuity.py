@@ -11,7 +11,8 @@ STAMP_PERIOD_S = (1 << 33) / 90_000
 """After this long the time stamps of a transport stream start again, about 26.5 hours."""
 
 ORIGIN_S = 1.0
-"""Local time of the first time stamp: what is decoded or shown before it has a place, too."""
+"""Local time of the first time stamp: pieces that are decoded or shown before it have a place,
+too."""
 
 MAX_HOLE_S = 12.0
 """A longer step forwards is a splice, not a hole."""

@@ -108,7 +108,7 @@ class DatagramLine(InputLine):
         multicast group, with ``?localaddr=`` if it is to be joined by a certain interface.
 
     on_failure : callable
-        Told, in the thread, why listening failed; it begins again after a while.
+        Called in the thread with the reason why listening failed; it begins again after a while.
 
     Raises
     ------

@@ -2,9 +2,8 @@
 
 import ctypes
 
-_M_MMAP_THRESHOLD = -3
-_M_ARENA_MAX = -8
-"""Parameters of mallopt (glibc, malloc.h)."""
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
+"""Numbers of mallopt's parameters (glibc, malloc.h)."""
 
 _ARENAS = 1
 """Heaps for the small blocks of all threads: those of pool threads would each keep their peak."""

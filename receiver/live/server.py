@@ -31,7 +31,7 @@ from receiver.television.protocol import pack_event
 from receiver.television.server import TelevisionChannel
 
 QUIET_S = 2.0
-"""Without news for this long the viewers are told that the signal is lost."""
+"""Without news for this long viewers see that the signal is lost."""
 
 _QUEUE = 400
 """Messages that wait for a slow page before it is dropped."""

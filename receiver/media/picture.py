@@ -38,7 +38,7 @@ USUAL_RATES = tuple(
 """Frames per second of constant sources."""
 
 _UNKNOWN_RATE = Fraction(50)
-"""Where headers tell the unit of time rather than a rate."""
+"""Where headers state the unit of time rather than a rate."""
 
 LONGEST_HOLD_S = 10.0
 """A greater step of the times is a new start of the container's clock, not a still picture."""

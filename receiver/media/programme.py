@@ -20,10 +20,10 @@ from av.container import InputContainer
 from codec.errors import CueError
 
 _RATE_SCAN_S = 30
-"""How much of a programme is read to learn a bit rate that its headers do not tell."""
+"""How much of a programme is read to learn a bit rate that its headers do not state."""
 
 _EXACT_DURATION = {"mov", "mp4", "matroska", "flac", "wav", "aiff"}
-"""Containers whose headers tell the length exactly; others estimate it."""
+"""Containers whose headers state the length exactly; others estimate it."""
 
 _TOLERATED_SHORTFALL_S = 1.0
 """Last packets without a duration make the end uncertain by a picture or two."""
@@ -38,7 +38,7 @@ _MOST_HELD = 4096
 LENIENT: dict[str, Any] = (
     {"metadata_errors": "ignore"} if int(av.__version__.partition(".")[0]) < 19 else {}
 )
-"""Titles in no known alphabet are no reason to refuse a programme: PyAV 18 has to be told so."""
+"""Titles in no known alphabet are no reason to refuse a programme: PyAV 18 needs the option."""
 
 # Our errors are one line; FFmpeg would print its own. At any level a thread of a decoder that has
 # something to say waits for Python, which may be waiting for that thread: a deadlock.
@@ -441,7 +441,7 @@ def _riff_is_cut_short(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(8)
     told = int.from_bytes(head[4:8], "little")
-    if head[:4] != b"RIFF" or told in (0, 0xFFFFFFFF):  # a stream's header tells nothing
+    if head[:4] != b"RIFF" or told in (0, 0xFFFFFFFF):  # a stream's header states no size
         return False
     return path.stat().st_size < told + 8
 

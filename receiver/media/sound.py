@@ -26,11 +26,11 @@ LONGEST_GAP_S = 10.0
 
 
 _FILLED_S, _FILLED_SHARE = 60.0, 25.0
-"""Silence that gaps may be filled with: a minute, and so many times what was decoded. Sounds that
-pause send a packet of 20 ms in 0.4 s; what has more gaps than that is made to cost time."""
+"""Silence that gaps may be filled with: a minute, and this multiple of the decoded sound. Sounds
+that pause send a packet of 20 ms in 0.4 s; a file with more gaps than that is made to cost time."""
 
 _MOST_PLANES = 8
-"""PyAV (18, 19) reads beyond the list of a frame's planes where it has so many."""
+"""PyAV (18, 19) reads beyond the list of a frame's planes where it has this many."""
 
 _CONVERTED_RATE = 48_000
 """Rate in Hz to which sounds are brought whose own rate the carrier does not know."""

@@ -121,7 +121,7 @@ class SuperframeLost:
 class Unreadable:
     """The stream has another voice or version: it is not drawn.
 
-    Told once; it holds until a superframe is drawn again.
+    Reported once; it holds until a superframe is drawn again.
 
     Attributes
     ----------
@@ -170,4 +170,4 @@ class AuthenticityChanged:
 
 
 Event = StateChanged | MotionPiece | KeysFound | SuperframeLost | Unreadable | AuthenticityChanged
-"""Whatever `Receiver` tells."""
+"""All that `Receiver` reports."""

@@ -50,15 +50,15 @@ _RECENT = 4
 
 _LATEST, _LONGEST = -8, SEQUENCES
 """Superframes before and after the last one that still count as one epoch: the sequence number
-tells no splice from a loss beyond its period, and the decoder remembers eight."""
+does not distinguish a splice from a loss beyond its period, and the decoder remembers eight."""
 
 _AFTER, _BEFORE = 6, 2
-"""Lost superframes of one gap that are drawn: those that previews may tell, and those before the
-next that arrived. The hand rests in all between, which are told in bulk."""
+"""Lost superframes of one gap that are drawn: those that previews may hold, and those before the
+next that arrived. The hand rests in all between, which are reported as one."""
 
 _PROOF_BITS = 8
-"""What agrees with one's own identity before a grid on which it has been another one is believed:
-another one agrees by chance once in 2**8."""
+"""Bits that agree with one's own identity before a grid on which it has been another one is
+believed: another one agrees by chance once in 2**8."""
 
 
 @dataclass(slots=True)

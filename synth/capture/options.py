@@ -42,7 +42,7 @@ class CaptureOptions:
     tracker : str, optional
         Interpreter with the image tracker, for films.
     progress : callable
-        Told how many seconds of the recording have been worked on.
+        Called with the seconds of the recording that are done.
 
     Examples
     --------

@@ -35,7 +35,7 @@ _PRESENT = 0.02
 """Part of the frames that must show a marker for the take to hold it."""
 
 _FRAMED_BY = 400
-"""Frames that tell the axes of a session."""
+"""Frames that give the axes of a session."""
 
 _SLACK_S = 0.5
 """Seconds by which the last label may outlast the markers."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 
 MAX_PARTS = 256
-"""Parts that a field of 256 elements can tell apart."""
+"""Parts that a field of 256 elements can distinguish."""
 
 ByteMatrix = NDArray[np.uint8]
 

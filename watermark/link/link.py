@@ -25,9 +25,9 @@ L1_CHECK = 16
 
 SIGNIFICANCE = 0.97
 """Least correlation of a message's codeword with the ratios, in units of the largest one that 2**K
-random codewords are expected to have with noise. What a list decoder makes of noise reaches 0.83 to
-0.97 and passes by its check alone once in 2**24; true messages near the limit of decoding have
-0.97 (one in a hundred) to 1.2."""
+random codewords are expected to have with noise. The output of a list decoder for noise reaches
+0.83 to 0.97 and passes by its check alone once in 2**24; true messages near the limit of decoding
+have 0.97 (one in a hundred) to 1.2."""
 
 SECOND_PATHS, LONG_SECOND_PATHS = 64, 16
 """How many paths of its list are asked for the second class's check, of short and long messages:
@@ -35,7 +35,7 @@ each wrong one passes by chance once in 2**16. Where that class fails beside a r
 wrong paths lie near the true one and are significant, too: of `standard` 5 %, of `high` 60 %."""
 
 LONG_MESSAGE, LONG_SIGNIFICANCE = 200, 1.0
-"""Message bits from which a second class counts as long, and what is asked of it instead of
+"""Message bits from which a second class counts as long, and the limit for it instead of
 `SIGNIFICANCE`: 13 % of the wrong paths reach that. With 512 paths at 0.97, one in fifty of the
 superframes of `high` that failed gave a wrong message (`tests/bench/second_class.py`)."""
 
@@ -111,7 +111,7 @@ class _Class:
         return passes(messages, self.check)
 
     def _least(self, llr: NDArray[np.float64]) -> float:
-        """Correlation with the ratios from which a message is significant."""
+        """Least correlation with the ratios of a significant message."""
         if self.code.message > SIGNIFICANT_RATE * self.code.length:
             return -math.inf
         largest = np.sqrt(2 * np.log(2) * self.code.message * (llr @ llr))

@@ -19,7 +19,7 @@ DELAY_FRAMES = 125  # half a second, before the modulation filters have settled
 AUDIBLE_DELAY_FRAMES = 13  # 50 ms after both signals became audible
 
 _MISSING_SHARE = 0.5
-"""Weight of what is missing beside what is added."""
+"""Weight of missing components relative to added ones."""
 
 
 @dataclass(frozen=True, slots=True)

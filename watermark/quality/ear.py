@@ -34,7 +34,7 @@ WIDE_BANDS = 55
 """Bands of the advanced version's spectral part, half a Bark each."""
 
 SPREAD_BARK = 27.0
-"""Width of all bands but one in Bark: tells the width of a band from their number."""
+"""Width of all bands but one in Bark: gives the width of a band from their number."""
 
 FULL_SCALE_DB = 92.0  # sound pressure level of a sine at full scale
 REFERENCE_SINE_HZ = 1019.5  # of that sine: it falls between two bins

@@ -109,7 +109,7 @@ def active_frames(samples: FloatArray, frame: int, hop: int) -> NDArray[np.bool_
 
 
 F = TypeVar("F", contravariant=True)
-"""What is known of one frame."""
+"""Figures of one frame."""
 
 
 class Averages(Protocol[F]):

@@ -93,7 +93,7 @@ class BorderClock:
             self._samples.append((first + n + 0.5, float(np.mean(self._signs * waves))))
 
     def correction(self, position: float) -> float:
-        """Return the frames by which a superframe that starts at frame `position` starts later."""
+        """Return the delay in frames of a superframe that starts at frame `position`."""
         if len(self._samples) < self._span / 2:
             return 0.0
         times, agreement = np.array(self._samples).T

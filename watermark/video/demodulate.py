@@ -25,7 +25,7 @@ Measured through H.264: motion predicts errors only weakly, so the weight is sma
 
 NOISES = tuple(0.06 * 1.25**n for n in range(13))
 """Standard deviations in steps among which the pilots choose; at the last one the fine lattice
-tells nothing any more."""
+shows nothing any more."""
 
 ALL_PILOTS = 48
 """Pilots of the whole picture that count beside those of cells of the same kind, in case that there

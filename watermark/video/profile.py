@@ -44,7 +44,7 @@ STRONG_TEXTURE = 5.0
 """Texture in luma of 8 bits from which pilots have their widest step."""
 
 COMMON, COMMON_OF = 3, 5
-"""Of so many pilots in a row, the first ones have bits that are the same in all modes."""
+"""The first ones of as many pilots in a row have bits that are the same in all modes."""
 
 TEXTURE_EVERY = 4
 """Frames between those whose texture is measured."""

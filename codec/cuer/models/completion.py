@@ -268,7 +268,7 @@ def _in_palm(
 
 
 MEMORY_S = 0.02
-"""Time in which what was known of a hidden marker is forgotten."""
+"""Time constant in which knowledge of a hidden marker fades."""
 
 
 def blend(

@@ -200,7 +200,7 @@ def _solve(
             at = at + update * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-12))
         parameters[active] = at
         moving = longest[:, 0] > _TOLERANCE
-        # Outliers are told from the model's own error only after the plain steps.
+        # Outliers are distinguished from the model's own error only after the plain steps.
         active = active[moving] if step >= _PLAIN_STEPS else active
         if not len(active):
             break

@@ -27,7 +27,7 @@ _FLOOR = 0.01
 """Variance, in the units of the rows squared, that every direction has at least."""
 
 _GLOBAL_ROUNDS = 4
-"""Rounds with one component, which fill in what is unknown before clusters are looked for."""
+"""Rounds with one component, which fill in unknown values before clusters are looked for."""
 
 _ROWS_PER_COMPONENT = 150
 """Rows that a component needs."""

@@ -12,7 +12,7 @@ EXPLAINED = 0.99
 """Share of the variance that components of motion keep."""
 
 MOTION_LEFT_MM = 1.0
-"""What the components of motion may leave, in mm."""
+"""Largest residual of the components of motion, in mm."""
 
 N_DEVIATIONS = 16
 """Directions in which a model's residuals are kept."""

@@ -28,7 +28,7 @@ _CODED_BPS = 337.5
 """Rate in bit/s at which a film's cuer has travelled: that of the usual sound profile."""
 
 _MOTION_HZ = 50.0
-"""Frames per second of what is coded."""
+"""Frames per second of the coded motion."""
 
 _PICTURES_HZ = 25
 """Pictures per second of a film, as on television."""

@@ -31,7 +31,7 @@ INDEX_POINTS = (1, 6)
 """Shapes that point with the index; the others do so with the middle finger."""
 
 _FRAME_SHARE = 0.4
-"""What a frame counts: neighbours tell the same."""
+"""Weight of a frame: neighbours say the same."""
 
 _ROUNDS = 12
 """Rounds of teaching; nothing moves after eight."""

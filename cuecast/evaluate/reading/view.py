@@ -29,7 +29,7 @@ _LIPS = (*_CORNERS, 0, 17, 39, 269, 181, 405, 40, 270, 91, 321)
 """Landmarks of the outer lips, corners first."""
 
 _FINGERS = ((5, 8), (9, 12), (13, 16), (17, 20), (5, 4), (12, 8))
-"""Landmarks between which the hand's shape is told: knuckles and tips, thumb, the spread."""
+"""Landmarks that give the hand's shape: knuckles and tips, thumb, the spread."""
 
 _PALM = [0, 5, 9, 13, 17]
 """Landmarks whose mean is the palm."""

@@ -71,10 +71,11 @@ _STANCE_BETWEEN = (0.04, 0.02)
 """Spread of direction and width at one placement between persons."""
 
 _MEASURED = 1.6
-"""How much more eagerly keys are told from markers than from landmarks, which are less sure."""
+"""How much more eagerly keys are recognised from markers than from landmarks, which are less
+sure."""
 
 _SURE_SHARE = 0.5
-"""What a frame counts when it is asked how sure a key is, against what it counts in the choice of
+"""Weight of a frame in the confidence of a key, relative to its weight in the choice of
 the line: with this, as many keys were right as their probabilities said, on films of real cuers and
 on studio takes of virtual ones."""
 

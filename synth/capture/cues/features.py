@@ -45,7 +45,7 @@ _FINGERS_MM = 10.0
 to 0.060 s off)."""
 
 _STRAIGHT = 0.55, 0.08
-"""Extension from which a finger's own tip tells where it points, and the softness of that."""
+"""Extension from which a finger's own tip shows where it points, and the softness of that."""
 
 _REACH = {8: (5, 1.0), 12: (9, 1.05)}
 """Tips of index and middle finger: their knuckle, and the length of the finger in palms."""
@@ -67,7 +67,7 @@ _MOUTH = (61, 291)
 READ_HZ = 30.0
 """Frames per second at which keys are recognised, whatever a camera's: how likely a line of keys
 is, and how many there are, depends on how finely time is divided. At 50 frames/s one key in ten was
-too many, and what was right in .96 of cases was called .69 sure."""
+too many, and keys that were right in .96 of cases had a confidence of .69."""
 
 _PIECE = 4096
 """Frames that are looked at at once, for constant memory."""

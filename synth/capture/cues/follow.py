@@ -35,7 +35,7 @@ _BAND = 300
 """Keys before and after the expected one that come into question in a frame."""
 
 _AROUND_S = 0.1
-"""Seconds about a key's moment that tell how well it fits."""
+"""Seconds about a key's moment that show how well it fits."""
 
 _AGREES, _FEW_AGREE, _LEAST_AGREE = 0.5, 0.4, 0.3
 """Mean probability of a text's keys from which it is believed, as a part of how sure the take is of

@@ -24,11 +24,11 @@ from synth.capture.cues.line import KeyRun, joined, pieces
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 3
-"""Rounds in which looks are learnt from the keys and keys told by the looks."""
+"""Rounds of learning looks from the keys and recognising keys by the looks."""
 
 _ARRIVED = 1.0 / 7.0
-"""Part of its greatest speed at which a movement has ended; what the analysis of real cuers counts
-as movement is faster. The last millimetres of a slow end say nothing more."""
+"""Part of its greatest speed at which a movement has ended; the movement that the analysis of real
+cuers counts is faster. The last millimetres of a slow end say nothing more."""
 
 _PASSED_S = 0.07
 """A key next to rest that is held no longer is none: the hand comes up, or goes down. Whoever

@@ -26,7 +26,7 @@ _TIPS = layout.marker_indices([finger[2] for finger in layout.FINGERS[1:]])
 _PALM = layout.marker_indices(layout.PALM)
 
 _EAR_DISTANCE_MM = (80.0, 250.0)
-"""Distances in mm between the ears that heads can have, with room for units to be told apart."""
+"""Distances in mm between the ears that heads can have, with room to distinguish units."""
 
 _SAME_AXES_RAD = 0.6
 """Angle in radians below which axes count as ours: less than half a quarter turn."""

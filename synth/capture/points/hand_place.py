@@ -23,7 +23,7 @@ from synth.capture.points.place import (
 FloatArray = NDArray[np.float64]
 
 LEAST_PALM_MARKERS = 4
-"""Markers of the palm that tell its turn and place: three, and one to doubt them by."""
+"""Markers of the palm that give its turn and place: three, and one to doubt them by."""
 
 _PALM = layout.marker_indices((*layout.KNUCKLES, *layout.PALM, *layout.WRIST))
 

@@ -45,7 +45,7 @@ PARTS = {
     "palm": (*layout.KNUCKLES, *layout.PALM),
     "wrist and forearm": (*layout.WRIST, *layout.FOREARM),
 }
-"""Parts of the body that the report tells of."""
+"""Parts of the body in the report."""
 
 
 def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions) -> Captured:

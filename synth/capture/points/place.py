@@ -22,13 +22,13 @@ from synth.capture.sources.recording import UNITS_MM
 FloatArray = NDArray[np.float64]
 
 LEAST_HEAD_MARKERS = 4
-"""Markers of the head that tell its turn and place: three, and one to doubt them by."""
+"""Markers of the head that give its turn and place: three, and one to doubt them by."""
 
 _FIRM = layout.marker_indices(layout.RIGID_FACE)
 _HALF_FIRM = layout.marker_indices((*layout.BROWS, *layout.CHEEKS, *layout.NASOLABIAL))
 
 _SIZES = (0.7, 1.4)
-"""Sizes of heads over the voice's, with room for units to be told apart."""
+"""Sizes of heads over the voice's, with room to distinguish units."""
 
 _SAME_SIZE = 0.02
 """Difference of size below which a take counts as in the voice's own size."""
@@ -40,7 +40,7 @@ _MIRROR_GAIN = 0.6
 """Share of the error that the mirror image must fall below to be believed."""
 
 _HAND_FRAMES = 24
-"""Frames by which it is told which hand cues."""
+"""Frames that decide which hand cues."""
 
 _LEAST_HAND_MARKERS = 8
 """Markers of a hand that such a frame shows at least."""

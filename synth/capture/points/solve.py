@@ -34,7 +34,7 @@ LEAST_HAND_MARKERS = 8
 """Markers of a hand without which nothing is said of it."""
 
 _LEAST_SHOWN = 3
-"""Markers that tell where the head is."""
+"""Markers that locate the head."""
 
 _ERROR_STEPS_MM = np.arange(0.0, 50.0, 0.05)
 
@@ -105,7 +105,7 @@ def solve(
     quality : Quality
         Counts on.
     progress : callable
-        Told how many seconds each window brought.
+        Called with the seconds that each window brought.
 
     Yields
     ------

@@ -73,7 +73,7 @@ FACE_LANDMARKS = tuple({**FIRM_LANDMARKS, **SOFT_LANDMARKS})
 """Numbers of the landmarks of the face that are used."""
 
 WIDTH_LANDMARKS = ((234, 454), (127, 356), (54, 284), (61, 291))
-"""Pairs that tell the size of the face, best first."""
+"""Pairs that give the size of the face, best first."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ _PART, _INDEX = ("part", "type", "landmark_type"), ("index", "landmark_index", "
 HANDS = ("hand", "right_hand", "left_hand")
 
 USUAL_RATE_HZ = 30.0
-"""Frames per second of a table that numbers its frames and does not tell: that of most cameras."""
+"""Frames per second of a table that numbers its frames and states no rate: that of most cameras."""
 
 _FARTHEST = 1e5
 """Coordinate beyond which a landmark is damage, in pixels or picture widths."""

@@ -10,7 +10,7 @@ KINDS = ("c3d", "trc", "tsv", "points", "livelink", "landmarks", "video")
 """What `kind_of` returns."""
 
 _HEAD_BYTES = 1 << 16
-"""Bytes that tell the kind."""
+"""Bytes that identify the kind."""
 
 _PICTURES = {
     ".mp4", ".mov", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".ts", ".m2ts", ".mts", ".m4v",

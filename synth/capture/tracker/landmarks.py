@@ -58,8 +58,8 @@ _LEAST_FACE, _LEAST_FRAMES = 8, 30
 """Landmarks that such a frame must show of the face, and frames that are needed."""
 
 LEAST_SEEN = 0.03
-"""Share of the frames that must show a hand: below, what a tracker takes for one is none, or too
-little is known to say what it did."""
+"""Share of the frames that must show a hand: below, the tracker's hands are none, or too
+little is known of its movements."""
 
 _SIZE_FRAMES = 20
 """Frames from which the hand's size is found."""

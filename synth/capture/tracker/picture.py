@@ -21,7 +21,7 @@ _LEAST_FRAMES = 5
 """Frames in which a landmark must be known."""
 
 _LEAST_LANDMARKS = 4
-"""Landmarks of the face that tell its place and turn."""
+"""Landmarks of the face that give its place and turn."""
 
 _FRONTAL = 0.75
 """Quantile of the face's width over time: turned heads look narrow."""

@@ -33,7 +33,7 @@ _MARGIN, _LARGE_MARGIN = 8.0, 20.0
 most are. Of 400 French sentences and 300 of eight other languages these err in none and two."""
 
 _REACH = 10
-"""Subtitles on either side among which one that does not tell its language is seen."""
+"""Subtitles on either side among which one without a clear language is judged."""
 
 _TURN = re.compile(r"\s*[-–—]")
 _SENTENCE = re.compile(r"\s*[-–—]?\s*[^\W\d_a-zà-ÿ].*[.!?…\"»]\s*$")

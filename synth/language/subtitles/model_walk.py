@@ -26,7 +26,7 @@ def subtitles_of(
     lines : iterator of (int, int)
         The line or block and the column of each paragraph in turn, for messages.
     findings : Findings
-        Told of paragraphs that have no end or end before they start.
+        Receives paragraphs that have no end or end before they start.
 
     Raises
     ------

@@ -62,7 +62,7 @@ _FRENCH = frozenset(
     "adieu olé corner halt gone love night boy girl sister hello sorry god like well please right "
     "yeah yep hey now just back see get guys hi bye".split()
 )
-"""Words that French texts have as well: they tell nothing by themselves."""
+"""Words that French texts have as well: they prove nothing by themselves."""
 
 
 def phrase_language(text: str) -> str:

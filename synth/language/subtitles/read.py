@@ -29,7 +29,7 @@ from synth.language.subtitles.vtt import read_vtt
 LARGEST_BYTES = 8 << 20
 """Limit of a subtitle file, which a day of programme stays below: each MB takes seconds to read."""
 
-Told = Callable[[LeftOut], None]
+OnLeftOut = Callable[[LeftOut], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def read_subtitles(
     stream_s: float | None = None,
     length_s: float | None = None,
     terms: Terms = USUAL,
-    left_out: Told = lambda item: None,
+    left_out: OnLeftOut = lambda item: None,
 ) -> list[Subtitle]:
     """Return the subtitles of a file, sorted by their start.
 
@@ -132,7 +132,7 @@ def parse_subtitles(
     stream_s: float | None = None,
     length_s: float | None = None,
     terms: Terms = USUAL,
-    left_out: Told = lambda item: None,
+    left_out: OnLeftOut = lambda item: None,
 ) -> list[Subtitle]:
     r"""Return the subtitles of the bytes of a file, sorted by their start.
 
@@ -145,7 +145,7 @@ def parse_subtitles(
         Length of the programme, where it is known.
     terms : Terms
     left_out : callable
-        Told of each part of the file that is not cued, in the order of the file.
+        Receives each part of the file that is not cued, in the order of the file.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def parse_subtitles(
 
 
 def cued_subtitles(
-    found: Sequence[Subtitle], *, terms: Terms = USUAL, left_out: Told = lambda item: None
+    found: Sequence[Subtitle], *, terms: Terms = USUAL, left_out: OnLeftOut = lambda item: None
 ) -> list[Subtitle]:
     """Return those of some subtitles that are cued, as `parse_subtitles` does for a file's.
 
@@ -185,7 +185,7 @@ def cued_subtitles(
         Sorted by start.
     terms : Terms
     left_out : callable
-        Told of each subtitle, or part of one, that is not cued.
+        Receives each subtitle, or part of one, that is not cued.
     """
     findings = Findings(strict=terms.strict)
     found = _moved(_whole(found, findings), terms.offset_s or 0.0, findings)
@@ -193,7 +193,7 @@ def cued_subtitles(
 
 
 def _kept(
-    found: Sequence[Subtitle], findings: Findings, terms: Terms, left_out: Told
+    found: Sequence[Subtitle], findings: Findings, terms: Terms, left_out: OnLeftOut
 ) -> list[Subtitle]:
     kept = list(unrolled(_cued(found, findings, terms)))
     for item in sorted(findings.left_out, key=lambda item: item.line):

@@ -22,7 +22,7 @@ _ROLES = {"red": "a sound (red)", "magenta": "music (magenta)",
 _SUNG = re.compile(r"[♪♫♬♩#«»\"“]")
 
 _MOST_COLOURED, _MANY = 0.5, 20
-"""Share of a file's letters in one such colour from which it has no meaning, if the file has so
+"""Share of a file's letters in one such colour from which it has no meaning, if the file has this
 many subtitles: no programme is half of noises."""
 
 _SOUNDS = re.compile(

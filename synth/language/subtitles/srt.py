@@ -35,7 +35,7 @@ def read_srt(text: str, findings: Findings) -> Iterator[Subtitle]:
     ----------
     text : str
     findings : Findings
-        Told of blocks that cannot be read.
+        Receives blocks that cannot be read.
 
     Raises
     ------

@@ -23,7 +23,7 @@ _LANGUAGES = {
     b"09": "en", b"0A": "es", b"0F": "fr", b"15": "it", b"1D": "nl", b"20": "pl", b"21": "pt",
     b"22": "ro",
 }  # fmt: skip
-"""Language codes of EBU Tech 3264, appendix 3; a code that is not listed tells nothing."""
+"""Language codes of EBU Tech 3264, appendix 3; a code that is not listed has no meaning."""
 
 _FORMATS = (b"STL25.01", b"STL30.01", b"STL24.01", b"STL50.01")
 
@@ -40,7 +40,7 @@ def read_stl(data: bytes, findings: Findings) -> Iterator[Subtitle]:
     ----------
     data : bytes
     findings : Findings
-        Told of blocks that cannot be read.
+        Receives blocks that cannot be read.
 
     Raises
     ------

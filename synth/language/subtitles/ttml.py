@@ -38,8 +38,8 @@ def read_ttml(data: bytes, findings: Findings) -> Iterator[Subtitle]:
     ----------
     data : bytes
     findings : Findings
-        Told of elements whose times cannot be read, of where a file breaks off, of languages, and
-        of the start of the programme.
+        Receives elements whose times cannot be read, where a file breaks off, languages, and
+        the start of the programme.
 
     Raises
     ------

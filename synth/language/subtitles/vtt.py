@@ -31,7 +31,7 @@ def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) ->
     ----------
     text : str
     findings : Findings
-        Told of blocks that cannot be read.
+        Receives blocks that cannot be read.
     stream_s : float, optional
         MPEG-2 time of the programme's clock's zero in seconds: the header's X-TIMESTAMP-MAP
         (RFC 8216, section 3.5) then moves the subtitles; what ends before the programme starts is

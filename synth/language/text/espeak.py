@@ -39,7 +39,7 @@ FOREIGN = {
     "ɪ": "i", "ɨ": "i", "ᵻ": "i", "ʊ": "u", "ʌ": "œ", "ɐ": "a", "æ": "a", "ɒ": "ɔ", "ɜ": "œ",
     "ɝ": "œ", "ɚ": "œ", "ɤ": "ø", "ʏ": "y", "ɘ": "ə", "õ": "ɔ̃", "ã": "ɑ̃", "ẽ": "ɛ̃",
 }  # fmt: skip
-"""Sounds that French lacks, and what a French speaker makes of them; "" is not spoken."""
+"""Sounds that French lacks, and their replacements in a French mouth; "" is not spoken."""
 
 
 @functools.cache

@@ -113,7 +113,7 @@ _REST = 0, 0
 """Numbers of shape and placement of the hand at rest."""
 
 _TYPICAL_WAY_MM = 60.0
-"""Way in mm of a stroke whose targets nobody told."""
+"""Way in mm of a stroke without known targets."""
 
 Way = Callable[[tuple[int, int], tuple[int, int]], float]
 Profile = Callable[[FloatArray], FloatArray]

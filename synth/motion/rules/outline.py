@@ -29,7 +29,7 @@ class Outline:
     targets : ndarray, shape (G, C)
         Target of each gesture, in any units.
     slack_s : float
-        Most seconds by which a part of the body is later or earlier than the gesture.
+        Greatest lateness or earliness of a part of the body, against the gesture.
     phones : PhoneLine
     """
 
@@ -75,7 +75,7 @@ class Outline:
 
 
 def slack_of(movement: Movement) -> float:
-    """Return the most seconds by which a part of the body is out of step with its gesture."""
+    """Return the greatest time between a part of the body and its gesture, seconds."""
     m = movement
     parts = (
         m.fingers_begin_s, m.fingers_end_s, m.head_begin_s, m.head_end_s, m.turn_begin_s,

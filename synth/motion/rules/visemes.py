@@ -21,7 +21,7 @@ ARTICULATORS = (
     "jaw", "close", "pucker", "funnel", "stretch", "smile", "upper", "lower", "roll_lower",
     "press", "corner_down", "cheek", "larynx", "jaw_forward",
 )  # fmt: skip
-"""What a viseme controls; each drives one or two face units."""
+"""Articulators of a viseme; each drives one or two face units."""
 
 UNITS_OF = {
     "jaw": ("jawOpen",),

@@ -40,7 +40,7 @@ ROUNDS = 2
 """The second time the rate of speech is known."""
 
 FILLER_COST = 3.3
-"""What a frame of other speech costs above the likeliest phone, in the logarithm: the right phones
+"""Cost of a frame of other speech above the likeliest phone, in the logarithm: the right phones
 cost 0.1 to 1.3 more than the likeliest, under music more, those of other texts 1.8 to 3.1."""
 
 OUTSIDE_COST = 1.0
@@ -48,13 +48,13 @@ OUTSIDE_COST = 1.0
 the phones of the text cost where others are spoken."""
 
 FILLER_ENTRY = 10.0
-"""What a stretch of other speech costs, however long; of 10 and 20 both misplace as few words."""
+"""Cost of a stretch of other speech, however long; of 10 and 20 both misplace as few words."""
 
 SKIP_COST = 100.0
-"""What a word that is not spoken costs, as much as some 30 frames of other speech."""
+"""Cost of a word that is not spoken, as much as some 30 frames of other speech."""
 
 SLOPE = 0.17
-"""What each frame costs by which a word begins outside its subtitle."""
+"""Cost of each frame between a word and the subtitle that it begins outside."""
 
 LEAST_FIT = -4.0
 """Log likelihood ratio of a word that is not spoken, and the least that any word has."""

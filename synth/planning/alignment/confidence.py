@@ -27,7 +27,7 @@ LEANING_EVIDENCE = 1.5
 """From which a text without times is cut by its sound."""
 
 FEWEST_WORDS = 8
-"""Fewer words than twice these do not tell an offset."""
+"""Fewer words than twice these give no offset."""
 
 TEXT_SPREAD = 0.25
 """Standard deviation of the mean fit of other texts on one sound: 0.09 to 0.28 in 18 clips."""
@@ -36,14 +36,14 @@ WITHIN_S = 0.165
 """A word counts as found within two thirds of a usual key."""
 
 NEAR = 2
-"""Words on either side whose fit tells of a word's place as well."""
+"""Words on either side whose fit bears on a word's place as well."""
 
 CERTAIN = 0.97
 """Confidence from which a word is called certain: 98 % of such words are within `WITHIN_S`."""
 
 _LOGISTIC = (0.45, 1.81, 6.08)
 """Weights of a word's fit and of that of its neighbours, and constant: a logistic regression on the
-accepted words of four programmes; `cuecast evaluate alignment` shows what it is worth on others."""
+accepted words of four programmes; `cuecast evaluate alignment` shows its worth on others."""
 
 TEXTS = 3
 """Other texts with which the words are compared."""

@@ -32,8 +32,8 @@ HOP = 160
 FRAME_RATE = FS / HOP
 
 BLOCKS = 4
-"""Blocks of attention, of six: the fourth tells phones as well as the last (in 14 recordings of
-other speakers 64.4 % of the frames against 64.8 %), the third less well (61.5 %)."""
+"""Blocks of attention, of six: the fourth distinguishes phones as well as the last (in 14
+recordings of other speakers 64.4 % of the frames against 64.8 %), the third less well (61.5 %)."""
 
 HEADS = 8
 """Heads of attention of Whisper base."""
@@ -45,7 +45,7 @@ _EVERY = 2
 """The second convolution halves the rate of frames."""
 
 _CHUNK_S, _OVERLAP_S = 20, 1
-"""Seconds that are heard at once, and what is heard more on either side: Whisper takes 30."""
+"""Seconds that are heard at once, and extra seconds on either side: Whisper takes 30."""
 
 _MAX_ASSET_BYTES = 40_000_000
 """Bytes of each asset, unpacked, at most."""

@@ -39,7 +39,7 @@ _LENGTH_SPREAD = 0.45
 """Standard deviation of the logarithm of durations about the usual ones."""
 
 _LENGTH_WEIGHT = 3.3
-"""Neighbouring frames of 10 ms tell nearly the same, so that their costs together count too much:
+"""Neighbouring frames of 10 ms say nearly the same, so that their costs together count too much:
 of 1.0, 2.0, 3.3 and 4.4 the third misplaces fewest words, with music and with texts condensed."""
 
 _FAR_FRAMES = 200

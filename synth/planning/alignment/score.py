@@ -25,11 +25,11 @@ from synth.planning.prosody.pacing import TimedWord
 from synth.planning.prosody.timing import GRID_HZ
 from synth.planning.scoring.text_score import (
     PLAIN,
+    OnWord,
     Reading,
-    Told,
     Warn,
+    ignore_word,
     log_warning,
-    tell_nobody,
     timed_words,
     words_of_subtitles,
 )
@@ -120,7 +120,7 @@ def align(
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
     judged: Judged = lambda judgement: None,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Score:
     """Return the score of subtitles timed by the voices of their programme.
 
@@ -135,7 +135,7 @@ def align(
         Called with one line for each passage that the sound does not fit.
     judged : callable
         Receives the confidence of the times of each subtitle.
-    told : callable
+    on_word : callable
         Receives the fate of each word.
 
     Returns
@@ -148,7 +148,9 @@ def align(
         If one subtitle spans more than `synth.planning.alignment.runs.LONGEST_TEXT_S`.
     """
     return reading.score(
-        phones_of_recording(subtitles, sound, reading=reading, warn=warn, judged=judged, told=told)
+        phones_of_recording(
+            subtitles, sound, reading=reading, warn=warn, judged=judged, on_word=on_word
+        )
     )
 
 
@@ -159,7 +161,7 @@ def phones_of_recording(
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
     judged: Judged = lambda judgement: None,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Iterator[Phone]:
     """Yield the phones of `align`, some passages at a time."""
 
@@ -185,7 +187,7 @@ def phones_of_recording(
                     offset_s += lag_s - usual_lag_s
             yield timed.words(reading, warn, judged)
 
-    return on_grid(reading.cued(chain.from_iterable(batches()), told))
+    return on_grid(reading.cued(chain.from_iterable(batches()), on_word))
 
 
 def _batches(runs: Iterable[CaptionRun]) -> Iterator[list[CaptionRun]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 _WINDOW, _HOP = 1024, 256
-"""Samples of a frame and between frames: 64 ms tell neighbouring notes apart, at 16 kHz."""
+"""Samples of a frame and between frames: 64 ms separate neighbouring notes, at 16 kHz."""
 
 _AROUND_FRAMES = 41
 """Frames over which a level lasts, two thirds of a second."""

@@ -56,7 +56,7 @@ class PerformerChoice:
 
 
 CLAIRE = PerformerChoice()
-"""Who cues unless told otherwise."""
+"""The default cuer."""
 
 
 class PlanPerformer(Protocol):

@@ -30,7 +30,7 @@ WANTED_S = 0.12
 """Three pictures at 25 a second."""
 
 _SPREAD_S = 0.02
-"""How far what is seen lies from what is planned: drift, scatter and head (standard deviation)."""
+"""Distance between visible and planned times: drift, scatter and head (standard deviation)."""
 
 _KNOWN_SPREAD_S = 0.01
 """The same once a performance has been looked at."""

@@ -26,7 +26,7 @@ SAME_S = 1e-9
 """Seconds within which times count as the same: what rounding leaves."""
 
 _LOOKS = 6
-"""How often the keys are settled again by what a performance shows."""
+"""How often the keys are settled again by the performance."""
 
 _SURE_S = WANTED_S + 0.015
 """So long a key should be seen in a performance: coding changes it by 13 ms (standard deviation,

@@ -18,10 +18,10 @@ from synth.planning.prosody.timing import FASTEST, CaptionFit, fit, on_grid, spe
 
 Warn = Callable[[str], None]
 
-Told = Callable[[PacedWord], None]
+OnWord = Callable[[PacedWord], None]
 
 
-def tell_nobody(word: PacedWord) -> None:
+def ignore_word(word: PacedWord) -> None:
     """Ignore what became of a word."""
 
 
@@ -68,7 +68,7 @@ class Reading:
         line = tuple(phones)
         return Score(line, tuple(cue(line, self.options)))
 
-    def cued(self, words: Iterable[TimedWord], told: Told = tell_nobody) -> Iterator[Phone]:
+    def cued(self, words: Iterable[TimedWord], on_word: OnWord = ignore_word) -> Iterator[Phone]:
         """Yield the phones of words on the cuer's clock, and report each word's fate."""
         if self.pace is not None:
             paced = pace_words(words, self.pace, self.options, self.performing)
@@ -77,7 +77,7 @@ class Reading:
 
         def heard() -> Iterator[PacedWord]:
             for word in paced:
-                told(word)
+                on_word(word)
                 yield word
 
         return intoned(heard())
@@ -92,7 +92,7 @@ def score_of_text(
     *,
     start_s: float = 0.0,
     reading: Reading = PLAIN,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Score:
     """Return the score of a text spoken at its natural rate, or at that of the reading's pace.
 
@@ -104,7 +104,7 @@ def score_of_text(
         When the first phone starts, rounded to the grid of `synth.planning.prosody.timing`.
     reading : Reading
         There is no programme whose clock she had to keep to: nothing is left out.
-    told : callable
+    on_word : callable
         Receives the fate of each word.
 
     Returns
@@ -121,7 +121,7 @@ def score_of_text(
     if reading.pace is not None:
         reading = replace(reading, pace=replace(reading.pace, max_lag_s=LONGEST_LAG_S))
     spoken_words = timed_words(words, speak(words, on_grid(start_s)).phones)
-    return reading.score(reading.cued(spoken_words, told))
+    return reading.score(reading.cued(spoken_words, on_word))
 
 
 def keys_of(text: str, *, start_s: float = 0.0, reading: Reading = PLAIN) -> tuple[Key, ...]:
@@ -157,7 +157,7 @@ def score_of_subtitles(
     *,
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Score:
     """Return the score of a programme's subtitles, each spoken in its interval.
 
@@ -168,7 +168,7 @@ def score_of_subtitles(
     reading : Reading
     warn : callable
         Called with one line for each subtitle whose text had to be hurried or cut.
-    told : callable
+    on_word : callable
         Receives the fate of each word.
 
     Returns
@@ -182,7 +182,7 @@ def score_of_subtitles(
     (1.0, 3)
     """
     words = words_of_subtitles(subtitles, reading=reading, warn=warn)
-    return reading.score(reading.cued(words, told))
+    return reading.score(reading.cued(words, on_word))
 
 
 def stream_score(
@@ -190,7 +190,7 @@ def stream_score(
     *,
     reading: Reading = PLAIN,
     warn: Warn = log_warning,
-    told: Told = tell_nobody,
+    on_word: OnWord = ignore_word,
 ) -> Iterator[Score]:
     """Yield the score of `score_of_subtitles` in pieces between pauses, in constant memory.
 
@@ -201,7 +201,7 @@ def stream_score(
     [1, 1]
     """
     words = words_of_subtitles(subtitles, reading=reading, warn=warn)
-    return in_pieces(reading.cued(words, told), reading)
+    return in_pieces(reading.cued(words, on_word), reading)
 
 
 def in_pieces(phones: Iterable[Phone], reading: Reading) -> Iterator[Score]:

@@ -16,8 +16,8 @@ from codec.cues.phonology import PAUSE
 from synth.units.concatenation.sounds import PlacedUnit
 
 _TOLERANCE, _FLOOR_S = 0.2, 0.01
-"""Relative change of a part's duration that costs as much as a usual shift, and what is added to
-the part: short ones change more."""
+"""Relative change of a part's duration that costs as much as a usual shift, and the seconds added
+to the part: short ones change more."""
 
 _SHIFT_S = 0.02
 """Usual shift of a border in seconds: to which labels of speech are repeatable."""
@@ -26,7 +26,7 @@ _LARGEST_SHIFT_S = 0.05
 """Largest shift in seconds."""
 
 _SHORTEST = 0.25
-"""Share of what the score asks for that any part keeps."""
+"""Smallest share of its length in the score that a part keeps."""
 
 
 def stretches(choices: Sequence[PlacedUnit]) -> Iterator[list[PlacedUnit]]:

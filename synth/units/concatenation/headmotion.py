@@ -29,7 +29,7 @@ from synth.units.recordings.recording import UnitRecording
 FloatArray = NDArray[np.float64]
 
 _SLOW_S = 0.6
-"""Standard deviation of the Gaussian that tells slow motion from that of keys."""
+"""Standard deviation of the Gaussian that separates slow motion from that of keys."""
 
 _DRIFT_SHARE = 0.8
 """Share of the recorded head's deviation that drift gives."""

@@ -23,7 +23,8 @@ _MOST_ST = 1.5
 """Semitones that units are moved at most; small distances are followed fully."""
 
 _USUAL_RISE_ST = 0.5
-"""What the melody rises above this, over the middle of its stretch, units are moved in addition."""
+"""Where the melody rises above this, over the middle of its stretch, units are moved in
+addition."""
 
 _GLIDE_S = 0.08
 """Seconds over which a run leaves its own pitch to meet the next one's."""

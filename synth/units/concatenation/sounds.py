@@ -36,7 +36,7 @@ _LEVEL_STEP_WEIGHT = 0.01
 """Cost of a decibel between units."""
 
 _OTHER_NEIGHBOUR = 0.05
-"""Cost of a neighbour other than the wanted one, before or after a unit: what it was spoken with
+"""Cost of a neighbour other than the wanted one, before or after a unit: its own neighbour
 reaches into its halves."""
 
 _JOIN = 0.05

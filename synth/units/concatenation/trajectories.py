@@ -130,10 +130,10 @@ _REACH_S = 0.05
 """Seconds about a join that a round reaches."""
 
 _ROUNDS = 12
-"""Rounds at most; what is too quick after them stays as it is."""
+"""Rounds at most; movements that are too quick after them stay."""
 
 _EVERY = 32
-"""One frame of so many shows how quick a speaker is."""
+"""Stride in frames of measuring how quick a speaker is."""
 
 
 def quickest(motions: Iterable[Motion], voice: Voice) -> float:

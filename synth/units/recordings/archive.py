@@ -53,7 +53,7 @@ _OPUS_KBIT_S = (6.0, 256.0)
 _GESTURE_FIELDS = ("shape", "placement", "leave", "reach")
 
 Progress = Callable[[int, int], None]
-"""Called with what is done and what there is to do."""
+"""Called with the number done and the number to do."""
 
 
 def write_archive(

@@ -24,7 +24,7 @@ _ROUNDS = 4
 """Passes of exchange at most."""
 
 KINDS = ("diphones", "polysounds", "dikeys", "shapes", "placements")
-"""What is covered, in the order of reports."""
+"""Kinds of units, in the order of reports."""
 
 Units = dict[str, Counter[tuple[str, ...]]]
 

@@ -13,7 +13,7 @@ from synth.planning.alignment.recogniser import FRAME_RATE, heard
 from synth.planning.alignment.sound import mono
 
 _EDGE = 5
-"""One part in so many of a phone's frames, at either end, is its neighbours' as well."""
+"""One part in this many of a phone's frames, at either end, is its neighbours' as well."""
 
 
 def label_fits(sound: NDArray[Any], fs: int, phones: Sequence[Phone]) -> NDArray[np.float32]:

@@ -41,7 +41,7 @@ _LEAST_PHONE_S = 0.025
 """A phone that is cut shorter was hardly there."""
 
 _MUTE = ("ə", "ø", "œ")
-"""What a mute vowel sounds like."""
+"""Sounds of a mute vowel."""
 
 _MUTE_FRAMES, _LINK_FRAMES = 4, 3
 """Hundredths of a second for which a mute vowel, or a linking consonant, must be the likeliest."""

@@ -31,7 +31,7 @@ _POSITION_CHARACTER = 1
 """Positions count characters (speak_lib.h)."""
 
 _TEXT_UTF8, _TEXT_PHONEMES = 0x0001, 0x0100
-"""What the text is (speak_lib.h)."""
+"""Forms of text (speak_lib.h)."""
 
 _EVENT_END, _EVENT_PHONEME = 0, 7
 """Kinds of events (speak_lib.h)."""

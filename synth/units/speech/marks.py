@@ -22,8 +22,8 @@ _LOWEST_PEAK = 0.2
 """Height, of 1, below which a peak is no candidate."""
 
 _FRAME_S, _EVERY = 0.03, 5
-"""Length in seconds of a frame for the polarity, some periods; one in so many values of pitch has a
-frame."""
+"""Length in seconds of a frame for the polarity, some periods; one in this many values of pitch has
+a frame."""
 
 _MORE_POLES = 2
 """Poles of the prediction beyond one for each kHz: a formant each, and the spectrum's slope."""

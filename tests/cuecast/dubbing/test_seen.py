@@ -49,7 +49,7 @@ def test_parts_change_nothing(source: SynthesisedMotion) -> None:
 def test_what_stands_still_for_a_moment_is_told() -> None:
     report, warned = PaceReport(), list[str]()
     told = PaceReport(warn=warned.append)
-    score = score_of_subtitles(LINES, reading=Reading(pace=READABLE), told=told)
+    score = score_of_subtitles(LINES, reading=Reading(pace=READABLE), on_word=told)
     last = score.keys[-1]
     told.seen([Shown(key, key.start, 0.11 if key is last else 0.2) for key in score.keys])
     rows = told.report()["subtitles"]

@@ -51,7 +51,7 @@ def paced(subtitles: list[Subtitle], pace: Pace = READABLE) -> tuple[list[PacedW
         told.append(word)
         report(word)
 
-    score_of_subtitles(subtitles, reading=Reading(pace=pace), told=tell)
+    score_of_subtitles(subtitles, reading=Reading(pace=pace), on_word=tell)
     return told, report
 
 
@@ -119,7 +119,7 @@ def hurried() -> tuple[list[PacedWord], PaceReport, list[str]]:
         told.append(word)
         report(word)
 
-    score_of_subtitles(news(5, 24.0), reading=Reading(pace=READABLE), told=tell)
+    score_of_subtitles(news(5, 24.0), reading=Reading(pace=READABLE), on_word=tell)
     report.report()
     return told, report, lines
 
@@ -152,7 +152,7 @@ def test_warns_by_subtitle_and_lists_the_words(
 def test_a_text_without_a_programme_is_whole_and_slow() -> None:
     report = PaceReport()
     fast = score_of_text(TEXT * 12)
-    slow = score_of_text(TEXT * 12, reading=Reading(pace=READABLE), told=report)
+    slow = score_of_text(TEXT * 12, reading=Reading(pace=READABLE), on_word=report)
     assert len(slow.keys) == len(fast.keys)
     assert report.report()["words_left_out"] == 0
     assert report.report()["lag_s"] == 0
@@ -200,7 +200,7 @@ def test_long_programmes_in_constant_memory() -> None:
 def test_step_with_the_speaker_without_a_pace() -> None:
     plain = score_of_subtitles(news(3, 15.0))
     told: list[PacedWord] = []
-    assert score_of_subtitles(news(3, 15.0), told=told.append) == plain
+    assert score_of_subtitles(news(3, 15.0), on_word=told.append) == plain
     assert max(abs(word.lag_s) for word in told) == 0
 
 

@@ -40,14 +40,14 @@ length of a part. A fresh AAC coder of FFmpeg leaves four times the information 
 for 8 s; after 1.5 s of bursts it is as the latter."""
 
 LEAST = 4.0
-"""Information below which one measurement does not tell how little there was, bits."""
+"""Information below which one measurement does not resolve how little there was, bits."""
 
 MARGIN = 1.9
 """Information that is enough, in units of the message's and its checks' bits: with 1.5 to 1.7 a
 superframe in 50 to 150 was lost that had grade left."""
 
 LEAST_ENOUGH = 170.0
-"""Information that a short message asks for: its code is short, and what it bears varies more. With
+"""Information that a short message asks for: its code is short, and its capacity varies more. With
 136 bits (robust) a superframe in 200 was lost through AAC 64k, none of which had run out of grade.
 """
 

@@ -60,7 +60,7 @@ FIRST_BASE = 5.5
 """Base level of the first rehearsal: what suffices as a rule."""
 
 PASSAGE_SUPERFRAMES = 32
-"""Superframes of which it is remembered what was enough: 20 s."""
+"""Superframes whose sufficient levels are remembered: 20 s."""
 
 NEUTRAL_NEED = 5.0
 """Need of a superframe that is written at the base level."""

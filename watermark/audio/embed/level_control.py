@@ -87,10 +87,10 @@ HALVES, OWN = ("even", "odd"), "own"
 
 MAKE_GOOD = 6.0
 """How many times a passage's error of grade the next stretch makes good beyond its own share, once
-half a passage has been heard; before, less by the square of what is missing."""
+half a passage has been heard; before, less by the square of the missing part."""
 
 OVERDRAWN = 3.0
-"""How many times what a passage lacks of the lowest grade is taken from superframes that stand out:
+"""Factor of a passage's deficit to the lowest grade that is taken from superframes that stand out:
 with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
 
 

@@ -26,8 +26,8 @@ LEANING = 0.6
 stands in the mid and wholly in a channel of wide stereo takes four times the power of another."""
 
 LEANING_PERIOD = 6
-"""Of so many superframes one has pilots that lean towards left and one towards right: who hears one
-channel only finds it within 4 s, and the grade hardly tells."""
+"""One superframe in this many has pilots that lean towards left and one towards right: who hears
+one channel only finds it within 4 s, and the grade hardly falls."""
 
 TINY = float(np.finfo(float).tiny)
 

@@ -21,7 +21,7 @@ from watermark.audio.signal.required_level import coder_noise
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 CLUES = 3
-"""What may tell how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
+"""Clues to how far a cell can be trusted: its strength, its frame's, and a coder's noise."""
 
 CLUE_LIMIT = 5.0
 """Largest deviation of a clue from its mean that counts, natural logarithm of power."""

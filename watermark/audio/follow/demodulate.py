@@ -32,11 +32,11 @@ TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
 UNTOLD = 24.0
-"""Correlation of pilots, three standard deviations of noise, below which they hardly tell a level:
-the last one and its neighbours are tried, too."""
+"""Correlation of pilots, three standard deviations of noise, below which they hardly resolve a
+level: the last one and its neighbours are tried, too."""
 
 NEARBY = (1.5, 2.5)
-"""Deviation in frames and cells of the window in which decoded bits tell of their neighbours."""
+"""Deviation in frames and cells of the window in which decoded bits bear on their neighbours."""
 
 SINGLE, SURELY = 2.5, 2.0
 """Standard deviations by which cells of one place must lie nearer to points of either bit than

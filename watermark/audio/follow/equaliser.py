@@ -43,7 +43,7 @@ GAIN = 1.08
 """Agreement that turned phases must bring, in units of that of plain ones, to be used first."""
 
 GAIN_AT_ONCE = 1.15
-"""The same on the very superframe that told them, where there were none before."""
+"""The same on the very superframe that gave them, where there were none before."""
 
 Table = NDArray[np.float64]
 """Scores of each band and phase, shape (bands, PHASES)."""
@@ -195,7 +195,7 @@ def _along(table: Table, phases: NDArray[np.float64]) -> float:
 
 
 def _between(table: Table, path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Find the steps by which each maximum lies beside its phase, by a parabola; -0.5 to 0.5."""
+    """Find the distance of each maximum from its phase in steps, by a parabola; -0.5 to 0.5."""
     at = np.round(path * PHASES / (2 * np.pi)).astype(np.int64)
     row = np.arange(len(table))
     below, top, above = (table[row, (at + d) % PHASES] for d in (-1, 0, 1))

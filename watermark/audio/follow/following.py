@@ -45,12 +45,12 @@ LOCK_IN = (
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
 SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
-"""A search that ends within so many samples of the place expected, and with a ratio that differs by
-a smaller part from what was expected, has found nothing new."""
+"""A search that ends within these samples of the place expected, and with a ratio that differs by
+a smaller part from the expected one, has found nothing new."""
 
 
 LATEST_S = 4.0
-"""Sound after a lock at the end of which what was not read of the past by then is left out."""
+"""Sound after a lock; past superframes that are still unread at its end are left out."""
 
 
 @dataclass(slots=True)

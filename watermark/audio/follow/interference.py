@@ -35,7 +35,7 @@ BITS = ((1.5, 1.0), (6.0, 2.0))
 """The same over the agreement with believed bits."""
 
 FEW_PILOTS, FEW_BITS = 0.05, 0.3
-"""Share of pilots in a window, and believed bits in it, at which half of what they tell counts."""
+"""Share of pilots in a window, and believed bits in it, at which half of their evidence counts."""
 
 ALONE = np.array([16.0, 10.0, 2.0, 2.0, 0.1])
 """Logarithm of the odds that a cell is untouched, for each clue of one (cells in three windows,

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 EARNED = 60.0
-"""What a second of sound pays for; listening takes some 3 besides, whatever comes in."""
+"""Units that a second of sound earns; listening takes some 3 besides, whatever comes in."""
 
 SAVED = 120.0
 """Units that may be saved, and owed: with those of a second, less than a fifth of a core."""
@@ -21,8 +21,8 @@ YOUNG_S, AT_FIRST = 8.0, 1.5
 """Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
 
 SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 4.5, 2.2, 6.0, 1.5
-"""Costs of the usual search of a second of sound, of what a superframe that was read corrects, the
-same where place and clock are sought widely, and of a superframe of the past."""
+"""Costs of the usual search of a second of sound, of the corrections from a superframe that was
+read, the same where place and clock are sought widely, and of a superframe of the past."""
 
 VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.3, 0.8, 0.5, 0.7, 0.4, 0.6
 """A superframe's spectra and masks; clues on its cells; the sound that covers it at one level; its
@@ -33,11 +33,11 @@ PIECES, PIECES_LEVEL, PIECES_VIEW = 11.0, 4.5, 6.5
 another level; and reading along a path."""
 
 PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW + 5.0, 40.0
-"""What must be left for such a superframe to be looked at, and what is waited for: all levels and
+"""Units that must be left for such a superframe, and units that are waited for: all levels and
 some further paths."""
 
 PATHS_COST = ((8, 0.2), (32, 0.4), (512, 4.5))
-"""Decodings of a class that fail with lists of so many paths, in a mother code of `USUAL_MOTHER`
+"""Decodings of a class that fail with lists of these lengths, in a mother code of `USUAL_MOTHER`
 bits."""
 
 USUAL_MOTHER = 1024
@@ -51,27 +51,27 @@ DUE = 0.125
 """Part of the savings that candidates leave for superframes which are due, where any are."""
 
 HUNTED, LOST = 0.2, 0.3
-"""Part of the savings that hunting leaves for attempts at what it finds, and part that is left for
+"""Part of the savings that hunting leaves for attempts at its finds, and part that is left for
 hunting by candidates of the usual search, and by superframes where `FAILED_BEFORE_GUESSING` in a
-row failed: what pilots confirm and nothing reads was altered."""
+row failed: superframes that pilots confirm and nothing reads were altered."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
 VENTURED, VENTURES = 2.5, 32.0
-"""The same for attempts at candidates: what a second of sound pays for, and what is saved."""
+"""The same for attempts at candidates: units earned in a second of sound, and units saved."""
 
 LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
 """Significance from which a candidate is tried where all of that is saved, and from which the
 purse pays: of a hundred candidates in unmarked sound, one or two reach it."""
 
 UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 10.0, 32.0, 56.0, 7.0
-"""What all attempts at a candidate may cost beyond their first decodings: by whether its pilots
+"""Highest cost of all attempts at a candidate beyond their first decodings: by whether its pilots
 confirm it, and from which deviations on they leave no doubt."""
 
 
 CONFIRMED = 12.0
-"""What a second of sound pays for at candidates that the purse pays for: what stands out in every
+"""Units a second for candidates that the purse pays for: one that stands out in every
 superframe and is not read was altered, and is left to hunting."""
 
 

@@ -39,8 +39,8 @@ NOISY = np.array([0.5, 0.0, 0.0])
 
 
 CAUTION = (0.5, 0.75)
-"""Exponents of the cells' own weights and of what clues say when bits are read: what was learnt is
-not quite what is there. On seven clips and channels they give 1 to 3 % more correlation than 1."""
+"""Exponents of the cells' own weights and of the clues when bits are read: the learnt weights are
+not quite the true ones. On seven clips and channels they give 1 to 3 % more correlation than 1."""
 
 SMOOTHING = 1.0
 """Deviation in cells of the window over which resultants are then averaged: 0.3 to 2 % more."""

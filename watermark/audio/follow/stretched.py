@@ -45,8 +45,8 @@ JUMPS = (18.0, 9.0)
 """Natural logarithms of the likelihood ratio that a jump must be worth, tried in turn."""
 
 TEMPI = (25 / 24, 24 / 25)
-"""Of films at 24 pictures a second that are played at 25, and the way back: what a single
-superframe, whose jumps may be anywhere, does not tell."""
+"""Of films at 24 pictures a second that are played at 25, and the way back: this a single
+superframe, whose jumps may be anywhere, does not show."""
 
 UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""

@@ -25,7 +25,8 @@ LOWEST = np.int16(-(2**14))
 """Lower than any score, and less than 2**15 from each."""
 
 PAIRED = 2
-"""Sums of which the correlations of two profiles are made: what they share, where they differ."""
+"""Sums of which the correlations of two profiles are made: their common part, and their
+difference."""
 
 FITTING = 16
 """Soft values whose sum fits 8 bits."""

@@ -21,8 +21,8 @@ FINE = 8
 """Parts of a sample to which that is found."""
 
 ALIKE = 1e-8
-"""Part of a mix's power by which another must differ from it: what is 80 dB softer than two
-channels of the same sound tells nothing else."""
+"""Part of a mix's power by which another must differ from it: a mix 80 dB softer than two
+channels of the same sound shows nothing else."""
 
 LEAST_LIKENESS = 6.0
 """Ratio of the highest correlation to the others' mean power from which a skew is believed: of
@@ -39,8 +39,8 @@ MID, USUAL, ECHO, LATE, SIDE, LEFT, RIGHT, CENTRE = (
 one channel late; with one inverted; channels alone."""
 
 ECHO_WINDOW, SHORTEST_ECHO = 2**14, 240
-"""Samples of the windows whose logarithmic spectra are averaged, and of the shortest echo: what is
-shorter looks like a voice's pitch."""
+"""Samples of the windows whose logarithmic spectra are averaged, and of the shortest echo: one that
+is shorter looks like a voice's pitch."""
 
 LEAST_ECHO, LARGEST_ECHO = 0.15, 0.85
 """Factors of an echo that is believed; of the largest one its removal dies out within a second."""
@@ -58,7 +58,7 @@ class ChannelMix:
     weights : tuple of float
         Of each channel.
     skew : float
-        Samples by which the second channel is late.
+        Delay of the second channel, samples.
     echo : tuple of (int, float, float)
         Samples after which the mix comes again, and the factors of this echo in the mix and in what
         is beside it; both are taken out.

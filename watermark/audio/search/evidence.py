@@ -49,7 +49,7 @@ class Evidence:
         place : int
             The stretch's place with the most evidence; it is below the period.
         significance : float
-            Deviations by which the evidence there stands above the mean.
+            Height of the evidence there above the mean, in deviations.
         """
         from watermark.audio.search import _evidence_kernels
 

@@ -57,11 +57,11 @@ LADDER_PART = 10
 """Of those, how many share one attempt."""
 
 ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 6.0, 10.0, 20.0, 240.0
-"""Sound between two tries of turned bands, of what else is likely, of what is less, of tens of
-possibilities, and of speeds that no usual device has."""
+"""Sound between two tries of turned bands, of the other likely ones, of less likely ones, of tens
+of possibilities, and of speeds that no usual device has."""
 
 COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_EVIDENCE, COST_STRETCHED = 1.8, 1.5, 0.6, 0.6, 11.0
-"""What a try costs, in thousandths of a second of a core of the machine on which it was counted:
+"""Cost of a try, in thousandths of a second of a core of the machine on which it was counted:
 looking at a stretch, correlating at one gain, at all clocks instead of likely ones, adding up
 evidence of a gain, and pieces."""
 

@@ -45,7 +45,7 @@ SEGMENT_FRAMES = 8
 
 LOW_REACH = 6
 """Half the length of the impulse response by which a search's sound is read, samples at its rate:
-what it keeps below 2.9 kHz is free of what lies above."""
+its band below 2.9 kHz is free of the sound above."""
 
 DIGITS = 12
 """Binary digits of the mask's exponent: wrong by 5e-5, the mask by 1e-3 at full scale."""

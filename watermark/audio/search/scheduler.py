@@ -23,19 +23,20 @@ SPEND = 14.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
 SAVED_S = 4.0
-"""Sound whose allowance may be saved: what was not spent before is not spent at once later."""
+"""Sound whose allowance may be saved: the rest of an unspent allowance expires."""
 
 FIRST = 240.0
-"""Allowance at the start: two rounds of what is likely."""
+"""Allowance at the start: two rounds of the likely hypotheses."""
 
 NOTHING = 0.3
-"""What it costs to find that there is nothing to search."""
+"""Cost of finding that there is nothing to search."""
 
 REPEATED = 3.0
-"""Factor by which what was read on this set is tried more often, and what seems near."""
+"""Factor on the rate of hypotheses that were read on this set before, and of those that seem
+near."""
 
 YOUNG_S = 8.0
-"""Sound in which all but what is rare is tried more often by that factor."""
+"""Sound in which all hypotheses but rare ones are tried more often by that factor."""
 
 PROMISING = 6.0
 """Significance of a hypothesis that is tried more often for it: one stretch of a thousand without a

@@ -67,7 +67,7 @@ def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8
     seen : tuple of ndarray
         Projections of the stretch, see `see_stretch`.
     gain : float
-        Doublings by which a gain moved all steps.
+        Gain over all steps, in doublings.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def search_stretch(
         Projections, see `see_stretch`. Where the stretch is longer than two superframes, scores are
         summed as usual.
     gain : float
-        Doublings by which a gain moved all steps.
+        Gain over all steps, in doublings.
     exact : bool
         Whether only clocks that are nearly right are tried.
     """

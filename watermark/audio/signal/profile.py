@@ -30,7 +30,7 @@ SLOT_FRAMES = 8
 """Frames of one slot: 0.08 s, the unit that a channel may lose."""
 
 USUAL_GRADE = -0.42
-"""Grade to aim at unless told otherwise: what the loop misses it by leaves clips above -0.5."""
+"""Default grade to aim at: the loop's errors leave clips above -0.5."""
 
 HARD_LINE_GRADE = -1.0
 """The same for coders that spoil the sound more than that themselves."""
