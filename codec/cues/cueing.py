@@ -9,8 +9,7 @@ of the code agree over the published French charts; points where the charts diff
 `CueingOptions`.
 """
 
-import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from codec.cues.language import PAUSE, Language, french
@@ -143,17 +142,3 @@ def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> It
 
 def _consonant_key(phone: Phone, options: CueingOptions) -> Key:
     return Key(phone.start, phone.end, (phone.symbol,), *options.key_of(phone.symbol, ""))
-
-
-def rest_spans(
-    keys: Sequence[Key], options: CueingOptions = DEFAULT_OPTIONS
-) -> list[tuple[float, float]]:
-    """Return the gaps between keys, (start, end) in seconds, while the hand rests.
-
-    The time before the first key and after the last one is rest too and not listed.
-    """
-    return [
-        (before.end, after.start)
-        for before, after in itertools.pairwise(keys)
-        if after.start - before.end >= options.rest_gap_s
-    ]

@@ -148,8 +148,8 @@ class Key:
 class Score:
     """Phones and keys of a stretch of programme, each line in order of time.
 
-    Pauses are gaps between phones; the rest key is not listed, a gap implies it
-    (`codec.cues.cueing.rest_spans`).
+    Pauses are gaps between phones; the rest key is not listed, a gap between keys of at least
+    `CueingOptions.rest_gap_s` implies it.
 
     Attributes
     ----------

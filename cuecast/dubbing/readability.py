@@ -20,7 +20,6 @@ from codec.analysis.readability import (
     peak_speed,
     shown_keys,
 )
-from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Score
@@ -193,21 +192,6 @@ def _windows(seen: VisibilityMeter, score: Score, rate_hz: float) -> Iterator[tu
     last = int((score.keys[-1].end + _AROUND_S) * rate_hz)
     for at in range(first, last, _WINDOW):
         yield at / rate_hz, min(_WINDOW, last - at)
-
-
-def watched_motion(
-    motion: Motion, voice: Voice, options: CueingOptions = DEFAULT_OPTIONS
-) -> VisibilityMeter:
-    """Return the visibility of a motion that has its score, such as a received one."""
-    seen = VisibilityMeter(classes_of(voice), motion.rate_hz, options)
-    keys = motion.score.keys if motion.score else ()
-    end_s = motion.start_s + len(motion.params) / motion.rate_hz
-    whole = [k for k in keys if k.start >= motion.start_s and k.end <= end_s]
-    seen.add(np.zeros((0, 113, 3)), motion.start_s, whole)
-    for at in range(0, len(motion.params), _WINDOW):
-        part = voice.reconstruct(motion.params[at : at + _WINDOW])
-        seen.add(part, motion.start_s + at / motion.rate_hz)
-    return seen
 
 
 def in_words(figures: dict[str, Any]) -> str:

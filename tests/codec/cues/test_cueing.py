@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.cues.cueing import PLACEMENT_OF, SHAPE_OF, CueingOptions, cue, rest_spans
+from codec.cues.cueing import PLACEMENT_OF, SHAPE_OF, CueingOptions, cue
 from codec.cues.phonology import CONSONANTS, PAUSE, PHONES, VOWELS
 from codec.cues.score import Key, Phone
 from codec.errors import CueError
@@ -81,9 +81,3 @@ def test_options_change_the_disputed_vowels_only() -> None:
         CueingOptions(un="ear")
     with pytest.raises(CueError, match="rest_gap_s is -1"):
         CueingOptions(rest_gap_s=-1)
-
-
-def test_rest_is_implied_by_a_long_gap() -> None:
-    keys = [Key(t, t + 0.2, ("p",), 1, "side") for t in (0.0, 0.3, 1.5)]
-    assert rest_spans(keys) == [(0.5, 1.5)]
-    assert rest_spans(keys, CueingOptions(rest_gap_s=0.05)) == [(0.2, 0.3), (0.5, 1.5)]

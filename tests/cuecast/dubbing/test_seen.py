@@ -7,7 +7,7 @@ from codec.analysis.readability import HELD_S, Shown, classes_of
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
-from cuecast.dubbing.readability import VisibilityMeter, watched, watched_motion
+from cuecast.dubbing.readability import VisibilityMeter, watched
 from synth.language.subtitles import Subtitle
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
@@ -41,7 +41,6 @@ def test_parts_change_nothing(source: SynthesisedMotion) -> None:
     parts.add(markers[:0], 50.0, keys)
     assert parts.figures() == whole.figures()
     assert watched(source, voice).figures() == whole.figures()
-    assert watched_motion(motion, voice).figures() == whole.figures()
     assert whole.figures()["keys"] == len(source.score.keys)
     assert whole.figures()["held_share"] == 1.0
 
