@@ -336,7 +336,7 @@ class GestureSynthesiser:
         return self._plan(score).gestures
 
     def outline(self, score: Score) -> Outline:
-        """Return what the markers of a score depend on."""
+        """Return the score's parts that its markers depend on."""
         plan = self._plan(score)
         targets = [plan.angles, plan.forearm, plan.target, plan.follows, plan.meets]
         gestures = plan.gestures

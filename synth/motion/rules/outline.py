@@ -1,4 +1,4 @@
-"""What a performance depends on: strokes and phones, to find where two performances differ.
+"""Strokes and phones that a performance depends on, to find where two performances differ.
 
 A frame depends on the strokes under way, on the target that the hand rests at, and on the phones
 nearby. Where these agree in two scores, so do the frames, but for rounding.

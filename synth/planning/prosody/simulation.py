@@ -66,7 +66,7 @@ class PlanPerformer(Protocol):
         """Return the markers of the hand and the head, shape (n_frames, 113, 3), mm."""
 
     def outline(self, score: Score) -> Outline:
-        """Return what the markers of a score depend on."""
+        """Return the score's parts that its markers depend on."""
 
 
 @dataclass(frozen=True, slots=True)

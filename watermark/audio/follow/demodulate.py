@@ -196,7 +196,7 @@ class Demodulator:
             yield level, self._standing(view, level) * weighted
 
     def cost(self, list_size: int) -> float:
-        """Return what a decoding costs."""
+        """Return the units that a decoding costs."""
         return decoding_cost(list_size, self.profile.l0_mother)
 
     def weighted(

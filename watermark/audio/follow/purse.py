@@ -177,7 +177,7 @@ class Ventures:
 
     @contextmanager
     def attempt(self, score: float, sure: float) -> Iterator[None]:
-        """Bound what a candidate costs by the score of its pilots, and pay for this attempt."""
+        """Bound a candidate's cost by the score of its pilots, and pay for this attempt."""
         purse = self.purse
         most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
         if self._paid:
