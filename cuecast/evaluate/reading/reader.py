@@ -64,6 +64,9 @@ _PLACES_DIFFER = (0.10, 0.03, 0.03, 0.036, 0.048)
 _SHAPE_DIFFERS, _ALL_PLACES_DIFFER = 0.05, 0.03
 """The same of a feature of one shape alone, and of all placements together."""
 
+_TRUST = 0.7
+"""Weight of an example: neighbouring keys err alike."""
+
 _HABIT_ROUNDS = 4
 """Rounds of getting used to a cuer."""
 
@@ -283,7 +286,7 @@ def _prior(
     own = np.diag(np.square(alone))
     return CuerPrior(
         means, within, tuple((column,) for column in range(means.shape[1])),
-        tuple(own + spread**2 for spread in together),
+        tuple(own + spread**2 for spread in together), _TRUST,
     )  # fmt: skip
 
 

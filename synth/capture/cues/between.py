@@ -21,9 +21,6 @@ FloatArray = NDArray[np.float64]
 _TAIL = 6.0
 """Squared distance, in spreads, from which an example counts half."""
 
-_TRUST = 0.7
-"""What an example counts: neighbouring keys err alike."""
-
 _OUT = {1: (0,), 2: (0, 1), 3: (1, 2, 3), 4: (0, 1, 2, 3), 5: (0, 1, 2, 3), 6: (0,), 7: (0, 1),
         8: (0, 1)}  # fmt: skip
 """Fingers that each shape has out, index first."""
@@ -70,13 +67,14 @@ class CuerPrior:
     """Means (C, D) of classes, spreads within a cuer (C, D), and covariances between cuers.
 
     `between` has one matrix (n, n) for each group of columns; a group's n means are those of its
-    columns, class after class.
+    columns, class after class. `trust` is the weight of one example: neighbouring keys err alike.
     """
 
     means: FloatArray
     within: FloatArray
     groups: tuple[tuple[int, ...], ...]
     between: tuple[FloatArray, ...]
+    trust: float
 
     @property
     def spreads(self) -> FloatArray:
@@ -93,7 +91,7 @@ class CuerPrior:
         counts, sums = np.zeros_like(self.means), np.zeros_like(self.means)
         for one in examples:
             away = (one.value - means[one.number]) / spreads[one.number]
-            weight = one.weight * _TRUST / (1.0 + away**2 / _TAIL)
+            weight = one.weight * self.trust / (1.0 + away**2 / _TAIL)
             counts[one.number] += weight
             sums[one.number] += weight * (one.value - self.means[one.number])
         out, variance = self.means.copy(), np.empty_like(self.means)
