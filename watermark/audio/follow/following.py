@@ -17,7 +17,6 @@ from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.purse import (
     BESIDE,
     ELSEWHERE,
-    FAILED_BEFORE_GUESSING,
     FOLLOWED,
     LOCKED_IN,
     LOST,
@@ -236,7 +235,7 @@ class TrackFollower:
         track = self.track
         if track is None:
             return []
-        kept = LOST if track.misses >= FAILED_BEFORE_GUESSING else 0.0
+        kept = LOST if track.misses else 0.0
         raw = self._reader.view(tape, track)
         with self._purse.keeping(kept):
             reading = self._reader.read(tape, track, raw, due=True)

@@ -52,8 +52,8 @@ DUE = 0.125
 
 HUNTED, LOST = 0.2, 0.3
 """Part of the savings that hunting leaves for attempts at its finds, and part that is left for
-hunting by candidates of the usual search, and by superframes where `FAILED_BEFORE_GUESSING` in a
-row failed: superframes that pilots confirm and nothing reads were altered."""
+hunting by candidates of the usual search, and for both by superframes after one that failed: what
+came between may have moved the mark's clock."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
