@@ -84,7 +84,7 @@ def smooth_joins(
         np.zeros(n, dtype=np.int64), np.zeros(n),
     )  # fmt: skip
     at = marks.sample / marks.fs
-    lag, level_db = 0, np.zeros(n)
+    level_db = np.zeros(n)
     for k in range(len(edges) - 1):
         (source_a, target_a), (source_b, target_b) = edges[k], edges[k + 1]
         if abs(source_b[0] - source_a[-1]) < 1e-6:
