@@ -12,14 +12,16 @@ import { fit } from "./points.js";
 import { Shading } from "./shading.js";
 import { Skeleton } from "./skeleton.js";
 
+/** @type {Record<string, any>} */
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
 const SHARE_UNIT = 252;
 const OFFSET_UNIT = 256;
 const ORIGIN = [0, 0, 0];
-/** Decode `/avatar.bin`: `{name: typed array}`. */
+/** Decode `/avatar.bin`: `{name: typed array}`. @param {ArrayBuffer} buffer */
 export function parseAvatar(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  /** @type {Arrays} */
   const arrays = {};
   for (const [name, kind, offset, size] of header) arrays[name] = new KINDS[kind](buffer, 4 + length + offset, size);
   return arrays;
@@ -38,7 +40,9 @@ export class Surface {
   isMoving = new Uint8Array();
   movingTriangles = new Uint16Array();
 
+  /** @param {Arrays} arrays @param {string} prefix */
   constructor(arrays, prefix) {
+    /** @param {string} name */
     const part = (name) => arrays[`${prefix}_${name}`];
     this.markers = part("markers");
     this.rest = part("rest");
@@ -56,6 +60,7 @@ export class Surface {
     this.position = new Float32Array(3 * this.count);
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
+    /** @type {Record<string, {vertices: TypedArray, deltas: TypedArray}>} */
     this.shapes = {};
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
@@ -81,6 +86,7 @@ export class Surface {
     if (this.skeleton) for (const vertex of this.skeleton.vertices) moves[vertex] = 1;
     // Shapes add to what is there: every vertex that anything moves begins again at rest.
     this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+    /** @param {number} i */
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
     this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
     this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
@@ -95,6 +101,8 @@ export class Surface {
   /**
    * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}`,
    * the eyes' `gaze`, radians to the viewer's right and up, and the maps of the joints.
+   * @param {Numbers} markers @param {Record<string, number>} [weights] @param {number[]} [gaze]
+   * @param {RigidMap[]|null} [joints]
    */
   bend(markers, weights = {}, gaze = [0, 0], joints = null) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
@@ -129,7 +137,7 @@ export class Surface {
     this.turnNormals(this.movingTriangles, this.isMoving);
   }
 
-  /** Turn the eyeballs; a ball keeps its normals. */
+  /** Turn the eyeballs; a ball keeps its normals. @param {number[]} gaze */
   turnEyes(gaze) {
     const [yaw, pitch] = gaze;
     const { position, eyes } = this;
@@ -151,7 +159,7 @@ export class Surface {
     }
   }
 
-  /** Place the vertices of the surface over the coarse mesh. */
+  /** Place the vertices of the surface over the coarse mesh. @param {Iterable<number>} which */
   refine(which) {
     const { control, sources, shares, offsets, position } = this;
     for (const i of which) {
@@ -168,7 +176,7 @@ export class Surface {
     }
   }
 
-  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). */
+  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). @param {Numbers} triangles @param {Numbers} wanted */
   turnNormals(triangles, wanted) {
     const { position: p, normal } = this;
     for (let i = 0, j = 0; j < normal.length; i++, j += 3) {
@@ -218,19 +226,20 @@ export class AvatarView {
   /** @type {any} */
   hand;
 
-  /** Build on a canvas; throws where WebGL is missing. */
+  /** Build on a canvas; throws where WebGL is missing. @param {HTMLCanvasElement} canvas @param {Model} model @param {Arrays} arrays */
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
     const wish = { alpha: true, antialias: true, premultipliedAlpha: true };
-    this.gl = canvas.getContext("webgl2", wish) || canvas.getContext("webgl", wish);
-    if (!this.gl) throw new Error("WebGL is missing");
+    const gl = /** @type {GL | null} */ (canvas.getContext("webgl2", wish) || canvas.getContext("webgl", wish));
+    if (!gl) throw new Error("WebGL is missing");
+    this.gl = gl;
     this.movement = new Movement(model);
-    this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
+    this.shading = new Shading(gl, arrays, model.camera.height_mm);
     this.wear(arrays);
   }
 
-  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. */
+  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. @param {Arrays} arrays */
   wear(arrays) {
     const before = this.head ? [...this.head.buffers, ...this.hand.buffers] : [];
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
@@ -238,6 +247,7 @@ export class AvatarView {
     for (const buffer of before) this.gl.deleteBuffer(buffer);
   }
 
+  /** @param {Surface} surface @param {TypedArray|null} weights */
   upload(surface, weights) {
     const { gl } = this;
     const count = surface.count;
@@ -249,7 +259,9 @@ export class AvatarView {
       extra[3 * i + 1] = weights ? weights[2 * i] : 1;
       extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
     }
+    /** @type {WebGLBuffer[]} */
     const buffers = [];
+    /** @param {number} target @param {AllowSharedBufferSource} data @param {number} usage */
     const buffer = (target, data, usage) => {
       const made = gl.createBuffer();
       buffers.push(made);
@@ -274,6 +286,7 @@ export class AvatarView {
   /**
    * Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. Face and trunk
    * move by the parameters of the seconds before: `sample(timeS, out)` writes those.
+   * @param {number} timeS @param {Look} look @param {Sample} sample
    */
   draw(timeS, look, sample) {
     const { gl, canvas, model, head, hand, shading } = this;
@@ -318,7 +331,7 @@ export class AvatarView {
     }
   }
 
-  /** Set the part to be drawn: its place and its vertices. */
+  /** Set the part to be drawn: its place and its vertices. @param {Program} program @param {Uploaded} part @param {number[]} frame */
   choosePart(program, part, frame) {
     const { gl, model, pose } = this;
     // The face model keeps its points in the world, the hand model about its pivot.
@@ -328,6 +341,7 @@ export class AvatarView {
     const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
     const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
+    /** @param {"position" | "normal" | "colour" | "extra"} name @param {number} size @param {number} type @param {boolean} normalised */
     const bind = (name, size, type, normalised) => {
       if (program.attributes[name] === undefined) return;
       gl.bindBuffer(gl.ARRAY_BUFFER, part[name]);
@@ -341,15 +355,18 @@ export class AvatarView {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
   }
 
+  /** @param {Indices} range */
   drawPart(range) {
     const [first, count] = range;
     this.gl.drawElements(this.gl.TRIANGLES, count, this.gl.UNSIGNED_SHORT, 2 * first);
   }
 }
 
-/** Corners of the opaque triangles, and of those with a transparent corner, in their order. */
+/** Corners of the opaque triangles, and of those with a transparent corner, in their order. @param {Surface} surface */
 function sortTriangles({ triangles, colours }) {
+  /** @type {number[]} */
   const opaque = [];
+  /** @type {number[]} */
   const clear = [];
   for (let t = 0; t < triangles.length; t += 3) {
     const corners = triangles.subarray(t, t + 3);

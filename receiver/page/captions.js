@@ -13,9 +13,11 @@ export class Captions {
   constructor(video, box) {
     this.video = video;
     this.box = box;
+    /** @type {TextTrack | null} */
     this.track = null;
     /** @type {{startS: number, endS: number, image: HTMLImageElement | null}[]} */
     this.pictures = [];
+    /** @type {HTMLImageElement | null} */
     this.shown = null;
     video.textTracks.addEventListener("addtrack", () => this.choose());
     video.textTracks.addEventListener("removetrack", () => this.choose());
@@ -27,13 +29,16 @@ export class Captions {
     return this.track !== null || this.pictures.length > 0;
   }
 
-  /** Keep a broadcast's `{start_s, end_s, png}`; an empty picture ends the one before. */
+  /**
+   * Keep a broadcast's `{start_s, end_s, png}`; an empty picture ends the one before.
+   * @param {{start_s: number, end_s: number, png: string}} caption @param {string} name
+   */
   insert({ start_s: startS, end_s: endS, png }, name) {
     const image = png ? Object.assign(new Image(), { src: `data:image/png;base64,${png}`, alt: name }) : null;
     this.pictures = [...this.pictures.filter((picture) => picture.startS < startS), { startS, endS, image }].slice(-MOST_PICTURES);
   }
 
-  /** Show the picture of a time, if the programme has no track of text. */
+  /** Show the picture of a time, if the programme has no track of text. @param {number} timeS */
   showAt(timeS) {
     if (this.track) return;
     const now = this.pictures.filter(({ startS }) => startS <= timeS).pop();

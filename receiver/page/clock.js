@@ -14,8 +14,10 @@ const USUAL_REFRESH_MS = 1000 / 60;
 const FASTEST_REFRESH_MS = 4;
 
 export class ProgrammeClock {
+  /** @param {HTMLVideoElement} video */
   constructor(video) {
     this.video = video;
+    /** @type {{mediaS: number, shownMs: number} | null} */
     this.frame = null;
     this.distanceS = 0;
     this.refreshMs = USUAL_REFRESH_MS;
@@ -23,7 +25,7 @@ export class ProgrammeClock {
     for (const name of ["seeking", "pause", "ratechange", "emptied"]) {
       video.addEventListener(name, () => this.forget());
     }
-    if (video.requestVideoFrameCallback) this.follow();
+    if ("requestVideoFrameCallback" in video) this.follow();
   }
 
   forget() {
@@ -40,7 +42,7 @@ export class ProgrammeClock {
     });
   }
 
-  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. */
+  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. @param {number} nowMs */
   at(nowMs) {
     const { video, frame } = this;
     const step = nowMs - this.beforeMs;

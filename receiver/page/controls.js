@@ -5,6 +5,7 @@ import { navigate } from "./focus.js";
 const SPEEDS = [0.25, 0.5, 0.75, 1, 1.25, 1.5, 2];
 const QUIET_MS = 3000;
 
+/** @type {Words} */
 const BY_KEY = {
   " ": "play", Enter: "play", k: "play", MediaPlayPause: "play", MediaPlay: "play", MediaPause: "play",
   ArrowLeft: "rewind", ArrowRight: "wind", MediaRewind: "rewind", MediaFastForward: "wind",
@@ -15,7 +16,7 @@ const BY_KEY = {
   "?": "settings", r: "settings", Info: "settings", Escape: "close", GoBack: "close", BrowserBack: "close",
   ColorF0Red: "handOnly", ColorF1Green: "style", ColorF2Yellow: "place", ColorF3Blue: "size",
 };
-/** Key codes of televisions whose browsers name no keys (CE-HTML, HbbTV). */
+/** Key codes of televisions whose browsers name no keys (CE-HTML, HbbTV). @type {Record<number, string>} */
 const BY_CODE = {
   415: "play", 19: "play", 413: "pause", 412: "rewind", 417: "wind", 460: "captions",
   403: "handOnly", 404: "style", 405: "place", 406: "size", 461: "close", 457: "settings",
@@ -30,7 +31,7 @@ export const HELP = [
 ];
 
 export class Controls {
-  /** `page`: {video, settings, stage, cuer, words(), stepS(), seekTo(timeS)}. */
+  /** `page`: {video, settings, stage, cuer, words(), stepS(), seekTo(timeS)}. @param {Document} document @param {any} page */
   constructor(document, page) {
     this.document = document;
     this.page = page;
@@ -40,18 +41,20 @@ export class Controls {
     this.wake();
   }
 
+  /** @param {string} id */
   find(id) {
-    return this.document.getElementById(id);
+    return /** @type {any} */ (this.document.getElementById(id));
   }
 
   bind() {
     const { video, document } = this;
+    /** @type {Words} */
     const buttons = {
       play: "play", back: "stepBack", forward: "stepForward", speed: "faster", style: "style",
       "hand-only": "handOnly", settings: "settings", full: "full",
     };
     for (const id of Object.keys(buttons)) this.find(id).onclick = () => this.run(buttons[id]);
-    this.find("seek").oninput = (event) => this.page.seekTo(event.target.value / 1000 * (video.duration || 0));
+    this.find("seek").oninput = (/** @type {any} */ event) => this.page.seekTo(event.target.value / 1000 * (video.duration || 0));
     document.addEventListener("keydown", (event) => this.key(event));
     for (const name of ["pointermove", "pointerdown", "keydown", "focusin"]) {
       document.addEventListener(name, () => this.wake());
@@ -69,13 +72,14 @@ export class Controls {
     }
   }
 
+  /** @param {KeyboardEvent} event */
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (navigate(this.document, event)) {
       event.preventDefault();
       return;
     }
-    const target = event.target;
+    const target = /** @type {HTMLElement} */ (event.target);
     const command = BY_KEY[event.key] || BY_KEY[event.key.toLowerCase()] || BY_CODE[event.keyCode];
     const typing = /^(SELECT|INPUT)$/.test(target.tagName) && command !== "close";
     const pressing = target.tagName === "BUTTON" && (event.key === " " || event.key === "Enter");
@@ -84,13 +88,14 @@ export class Controls {
     this.run(command);
   }
 
+  /** @param {string} command */
   run(command) {
     const { settings } = this.page;
     if (["style", "place", "size", "layout", "language"].includes(command)) {
       settings.next(command);
       if (command !== "language") this.stage.say(this.page.words()[settings.get(command)]);
     } else if (["handOnly", "mirror", "keys"].includes(command)) settings.toggle(command);
-    else this[command]();
+    else /** @type {any} */ (this)[command]();
     this.show();
   }
 
@@ -136,6 +141,7 @@ export class Controls {
     this.changeSpeed(1);
   }
 
+  /** @param {number} direction */
   changeSpeed(direction) {
     const at = SPEEDS.indexOf(this.video.playbackRate) + direction + SPEEDS.length;
     this.video.playbackRate = SPEEDS[at % SPEEDS.length];
@@ -149,11 +155,12 @@ export class Controls {
   /** Leave the panel, then the bar. */
   close() {
     if (this.find("panel").hidden && this.find("bar").contains(this.document.activeElement)) {
-      this.document.activeElement.blur();
+      /** @type {HTMLElement} */ (this.document.activeElement).blur();
     }
     this.openPanel(false);
   }
 
+  /** @param {boolean} open */
   openPanel(open) {
     this.find("panel").hidden = !open;
     this.wake();
@@ -164,7 +171,7 @@ export class Controls {
 
   full() {
     if (this.document.fullscreenElement) this.document.exitFullscreen();
-    else this.stage.root.requestFullscreen().catch((error) => this.stage.say(error.message));
+    else this.stage.root.requestFullscreen().catch((/** @type {Error} */ error) => this.stage.say(error.message));
   }
 
   /** Show the controls; they leave after a while of playing without a touch. */
@@ -182,6 +189,7 @@ export class Controls {
     const { video } = this;
     const { settings } = this.page;
     const text = this.page.words();
+    /** @param {string} id @param {string} shown @param {string} [full] */
     const name = (id, shown, full) => {
       this.find(id).textContent = shown;
       this.find(id).setAttribute("aria-label", full || shown);
@@ -209,6 +217,7 @@ export class Controls {
   }
 }
 
+/** @param {number} seconds */
 function minutes(seconds) {
   const whole = Math.floor(seconds);
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;

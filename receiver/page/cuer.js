@@ -13,7 +13,11 @@ import { Timeline } from "./timeline.js";
 const DOT = 0.62;
 
 export class Cuer {
-  /** `arrays`: of the avatar, or null without one; `canvases`: {points, avatar}. */
+  /**
+   * `arrays`: of the avatar, or null without one; `canvases`: {points, avatar}.
+   * @param {Model} model @param {Arrays|null} arrays
+   * @param {{points: HTMLCanvasElement, avatar: HTMLCanvasElement}} canvases
+   */
   constructor(model, arrays, canvases) {
     this.model = model;
     this.canvases = canvases;
@@ -27,12 +31,15 @@ export class Cuer {
     this.markers = new Float64Array(3 * model.markers.length);
     this.visibility = 0;
     this.scene = "";
+    /** @type {PointLights | AvatarView} */
+    this.view = this.points;
     this.choose("avatar");
   }
 
   /**
    * Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first.
    * `address`: of another avatar's document, which replaces them all.
+   * @param {string} look @param {string} base @param {string} [address]
    */
   dress(look, base, address = "") {
     const later = this.model.looks.slice(1).includes(look);
@@ -41,6 +48,7 @@ export class Cuer {
     return this.dressed;
   }
 
+  /** @param {string} wanted @param {string} base */
   async change(wanted, base) {
     this.look = wanted;
     const answer = await fetch(new URL(wanted, base));
@@ -48,11 +56,11 @@ export class Cuer {
     const arrays = parseAvatar(await answer.arrayBuffer());
     if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
-    this.avatar.wear(arrays);
+    this.avatar?.wear(arrays);
     this.forget();
   }
 
-  /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. */
+  /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. @param {string} style */
   choose(style) {
     this.view = style === "avatar" && this.avatar ? this.avatar : this.points;
     this.canvases.avatar.hidden = this.view !== this.avatar;
@@ -69,6 +77,7 @@ export class Cuer {
    * Show her as she is at `timeS`; returns how visible she is, 0 to 1.
    *
    * `look`: {opacity, dot in percent, mirror, handOnly, contrast}. Who stands still is not drawn again.
+   * @param {number} timeS @param {LookChoice} look
    */
   show(timeS, { opacity, dot, mirror, handOnly, contrast }) {
     this.visibility = this.timeline.sample(timeS, this.params);
@@ -79,20 +88,23 @@ export class Cuer {
     const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
     if (scene !== this.scene) {
       this.scene = scene;
-      if (this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
+      if (this.avatar && this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
       else this.points.draw(this.markers, look);
     }
     return this.visibility;
   }
 
-  /** The keys around `timeS`, `before` and `after` the one that the hand shows. */
+  /** The keys around `timeS`, `before` and `after` the one that the hand shows. @param {number} timeS @param {number} before @param {number} after */
   keysAround(timeS, before, after) {
     const hand = this.visibility > 0 ? this.reader.read(this.markers) : null;
     return this.timeline.keysAround(timeS, before, after, hand);
   }
 }
 
-/** The avatar's view, or null where the browser has no WebGL: points are enough. */
+/**
+ * The avatar's view, or null where the browser has no WebGL: points are enough.
+ * @param {HTMLCanvasElement} canvas @param {Model} model @param {Arrays} arrays
+ */
 function buildAvatar(canvas, model, arrays) {
   try {
     return new AvatarView(canvas, model, arrays);

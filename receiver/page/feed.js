@@ -10,10 +10,13 @@ const RETRY_MS = [500, 1000, 2000, 4000];
 const FULL = 4001;
 
 export class Feed {
-  /** @type {any} */
+  /** @type {any} A WebSocket, there from the first call of `connect` on. */
   socket;
 
-  /** `handlers`: motion(piece), message(document), open(), closed(full): whether too many pages are watching. */
+  /**
+   * `handlers`: motion(piece), message(document), open(), closed(full): whether too many pages are watching.
+   * @param {string} url @param {FeedHandlers} handlers
+   */
   constructor(url, handlers) {
     this.url = url;
     this.handlers = handlers;
@@ -25,30 +28,31 @@ export class Feed {
     this.socket = new WebSocket(this.url);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => this.handlers.open();
-    this.socket.onmessage = (event) => {
+    this.socket.onmessage = (/** @type {MessageEvent} */ event) => {
       this.attempt = 0;
       this.receive(event.data);
     };
-    this.socket.onclose = (event) => {
+    this.socket.onclose = (/** @type {CloseEvent} */ event) => {
       this.handlers.closed(event.code === FULL);
       const wait = RETRY_MS[Math.min(this.attempt++, RETRY_MS.length - 1)];
       setTimeout(() => this.connect(), wait);
     };
   }
 
+  /** @param {string|ArrayBuffer} data */
   receive(data) {
     if (typeof data === "string") this.handlers.message(JSON.parse(data));
     else this.handlers.motion(parseMotion(data));
   }
 
-  /** Tell the receiver where the viewer is. */
+  /** Tell the receiver where the viewer is. @param {number} timeS @param {boolean} jumped */
   position(timeS, jumped) {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     this.socket.send(JSON.stringify({ type: "position", time_s: Math.round(timeS * 1000) / 1000, jumped }));
   }
 }
 
-/** Decode a motion message. */
+/** Decode a motion message. @param {ArrayBuffer} buffer */
 export function parseMotion(buffer) {
   const view = new DataView(buffer);
   const count = view.getUint16(2, true);

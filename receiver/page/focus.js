@@ -6,22 +6,25 @@
  * the picture. In the panel up and down go from choice to choice, left and right change it.
  */
 
+/** @type {Record<number, string>} */
 const CODES = { 37: "ArrowLeft", 38: "ArrowUp", 39: "ArrowRight", 40: "ArrowDown", 13: "Enter" };
 
-/** Handle a key press; returns whether it was one of these moves. */
+/** Handle a key press; returns whether it was one of these moves. @param {Document} document @param {KeyboardEvent} event */
 export function navigate(document, event) {
   const key = event.key && event.key !== "Unidentified" ? event.key : CODES[event.keyCode];
   const active = document.activeElement;
-  const panel = document.getElementById("panel");
+  const panel = /** @type {HTMLElement} */ (document.getElementById("panel"));
   if (!panel.hidden) return inPanel(panel, active, key);
-  if (document.getElementById("bar").contains(active)) return inBar(document, active, key);
+  if (document.getElementById("bar")?.contains(active)) return inBar(document, active, key);
   if (key !== "ArrowUp" && key !== "ArrowDown") return false;
-  document.getElementById("play").focus();
+  document.getElementById("play")?.focus();
   return true;
 }
 
+/** @param {HTMLElement} panel @param {any} active @param {string} key */
 function inPanel(panel, active, key) {
-  const choices = [...panel.querySelectorAll("select, input")].filter((one) => !one.hidden);
+  const inputs = /** @type {NodeListOf<HTMLInputElement>} */ (panel.querySelectorAll("select, input"));
+  const choices = [...inputs].filter((one) => !one.hidden);
   const at = choices.indexOf(active);
   if (key === "ArrowUp" || key === "ArrowDown") {
     const next = at + (key === "ArrowUp" ? -1 : 1);
@@ -42,9 +45,10 @@ function inPanel(panel, active, key) {
   return false;
 }
 
+/** @param {Document} document @param {any} active @param {string} key */
 function inBar(document, active, key) {
-  const buttons = [...document.querySelectorAll("#bar .button:not([hidden])")];
-  const seek = document.getElementById("seek");
+  const buttons = [.../** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#bar .button:not([hidden])"))];
+  const seek = /** @type {HTMLElement} */ (document.getElementById("seek"));
   const at = buttons.indexOf(active);
   if (key === "ArrowUp" && at >= 0 && !seek.hidden) seek.focus();
   else if (key === "ArrowDown" && active === seek) buttons[0].focus();

@@ -9,16 +9,19 @@ const PLACEMENTS = Object.keys(PLACEMENT_NUMBER);
 const SIDE = PLACEMENT_NUMBER.side;
 
 export class HandReader {
-  /** @param model a `VoiceModel`, whose gesture table tells its targets */
+  /** @param model a `VoiceModel`, whose gesture table tells its targets @param {Model} model */
   constructor(model) {
     this.model = model;
+    /** @param {RegExp} pattern */
     const numbers = (pattern) => model.markers.flatMap((name, i) => (pattern.test(name) ? [3 * i] : []));
     this.tips = numbers(/^F\dT$/);
     this.anchors = [...this.tips, ...numbers(/^K\d$/)];
     this.pointing = model.pointing.map((name) => 3 * model.markers.indexOf(name));
     this.form = new Float64Array(this.tips.length * this.anchors.length);
     this.turn = new Float64Array(9);
+    /** @type {Float64Array[]} */
     this.forms = [];
+    /** @type {number[][][]} */
     this.places = [];
     const markers = new Float64Array(3 * model.markers.length);
     model.pointing.forEach((_name, shape) => {
@@ -30,14 +33,14 @@ export class HandReader {
     });
   }
 
-  /** The key `{shape, placement}` that is nearest to the markers that `model` has just reconstructed. */
+  /** The key `{shape, placement}` that is nearest to the markers that `model` has just reconstructed. @param {Float64Array} markers */
   read(markers) {
     const form = this.formOf(markers);
     const shape = nearest(this.forms, form);
     return { shape, placement: PLACEMENTS[nearest(this.places[shape], this.pointedAt(shape, markers))] };
   }
 
-  /** What a hand's shape is told by, wherever it is: distances between finger tips, and from them to the knuckles. */
+  /** What a hand's shape is told by, wherever it is: distances between finger tips, and from them to the knuckles. @param {Float64Array} markers */
   formOf(markers) {
     let n = 0;
     for (const a of this.tips) {
@@ -48,7 +51,7 @@ export class HandReader {
     return this.form;
   }
 
-  /** Where the pointing finger of a shape is for a head at rest, mm. */
+  /** Where the pointing finger of a shape is for a head at rest, mm. @param {number} shape @param {Float64Array} markers */
   pointedAt(shape, markers) {
     const { headMotion: m, face } = this.model;
     const r = rotation(m[0], m[1], m[2], this.turn);
@@ -57,7 +60,7 @@ export class HandReader {
   }
 }
 
-/** Index of the row that is nearest to `point`. */
+/** Index of the row that is nearest to `point`. @param {Numbers[]} rows @param {Numbers} point */
 function nearest(rows, point) {
   let best = 0;
   let least = Infinity;

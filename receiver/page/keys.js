@@ -1,5 +1,6 @@
 /** The numbers of hand placements, as `codec.score.PLACEMENTS` orders them. */
 
+/** @type {Record<string, number>} */
 export const PLACEMENT_NUMBER = { rest: 0, side: 1, mouth: 2, chin: 3, cheek: 4, throat: 5 };
 
 /**
@@ -24,8 +25,10 @@ const REST = { shape: 0, placement: "rest", leave: LONG_AGO_S, reach: LONG_AGO_S
  *
  * The rule of `codec.superframe.resynthesis.movements`; `movement` has the voice's constants of
  * `codec.cuer.movement` and `places`, where its hand is for each key, mm.
+ * @param {Key[]} keys @param {HandMovement} movement
  */
 export function strokesTo(keys, movement) {
+  /** @type {Stroke[]} */
   const strokes = [];
   let last = REST;
   keys.forEach((key, i) => {
@@ -43,7 +46,7 @@ export function strokesTo(keys, movement) {
   return strokes;
 }
 
-/** When the hand begins to show the key of a stroke, seconds: it runs ahead of the lips. */
+/** When the hand begins to show the key of a stroke, seconds: it runs ahead of the lips. @param {Stroke} stroke @param {Stroke} [before] */
 export function shownFrom(stroke, before = REST) {
   const turns = stroke.shape !== before.shape;
   const goes = stroke.placement !== before.placement;
@@ -51,12 +54,13 @@ export function shownFrom(stroke, before = REST) {
   return stroke.leave + share * (stroke.reach - stroke.leave);
 }
 
-/** When the hand shows a key no more, if it goes to rest after it, seconds. */
+/** When the hand shows a key no more, if it goes to rest after it, seconds. @param {Key} key @param {Stroke} stroke @param {HandMovement} movement */
 export function shownUntil(key, stroke, movement) {
   const rest = strokeToRest(key, stroke, Infinity, movement);
   return rest.leave + GONE * (rest.reach - rest.leave);
 }
 
+/** @param {number} apart @param {number} way @param {HandMovement} movement */
 function leadOf(apart, way, movement) {
   const quick = Math.min(apart, movement.hurried_s);
   const most = movement.most_lead_s + movement.lead_s_per_mm * way;
@@ -64,6 +68,7 @@ function leadOf(apart, way, movement) {
   return Math.max(Math.min(lead, most), movement.least_lead_s);
 }
 
+/** @param {Key} key @param {Stroke} last @param {number} leave @param {number} target @param {number} way @param {HandMovement} movement */
 function strokeTo({ shape, placement }, last, leave, target, way, movement) {
   const least = 1.875 * way / (1000 * movement.fastest_m_s);
   leave = Math.max(Math.min(leave, target - least), freeAfter(last, movement));
@@ -71,16 +76,19 @@ function strokeTo({ shape, placement }, last, leave, target, way, movement) {
   return { shape, placement, leave, reach: Math.max(target, late, leave + movement.shortest_s) };
 }
 
+/** @param {Key} key @param {Stroke} last @param {number} until @param {HandMovement} movement */
 function strokeToRest(key, last, until, movement) {
   const leave = Math.max(key.end + movement.rest_delay_s, freeAfter(last, movement));
   const reach = Math.max(Math.min(leave + movement.rest_move_s, until), leave + movement.shortest_s);
   return { ...REST, leave, reach };
 }
 
+/** @param {Stroke} stroke @param {HandMovement} movement */
 function freeAfter(stroke, movement) {
   return stroke.reach - movement.overlap * (stroke.reach - stroke.leave);
 }
 
+/** @param {HandKey} one @param {HandKey} other @param {number[][]} places */
 function distance(one, other, places) {
   const from = places[6 * one.shape + PLACEMENT_NUMBER[one.placement]];
   const to = places[6 * other.shape + PLACEMENT_NUMBER[other.placement]];

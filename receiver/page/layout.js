@@ -6,8 +6,9 @@
  * of keys, captions, controls and settings go where she is not.
  */
 
-/** Share of the width that she has beside the programme, and of its height over it. */
+/** Share of the width that she has beside the programme, and of its height over it. @type {Record<string, number>} */
 const BESIDE = { small: 1 / 6, medium: 1 / 4, large: 1 / 3 };
+/** @type {Record<string, number>} */
 const OVER = { small: 0.36, medium: 0.5, large: 0.72 };
 const MARGIN = 0.025;
 /** Share of the width that the programme keeps where the cuer has the screen. */
@@ -18,18 +19,21 @@ const LETTERS = [19, 34];
 const KEY_EM = [3.7, 2.6];
 const CAPTION_LINES = 2.9;
 
+/** @param {number} least @param {number} value @param {number} most */
 const clamp = (least, value, most) => Math.max(least, Math.min(value, most));
+/** @param {number} left @param {number} top @param {number} width @param {number} height */
 const box = (left, top, width, height) => ({ left, top, width, height });
+/** @param {Box} a @param {Box} b */
 const meets = (a, b) => a.left < b.left + b.width && b.left < a.left + a.width && a.top < b.top + b.height && b.top < a.top + a.height;
 
-/** The largest rectangle of `ratio` in the middle of `area`. */
+/** The largest rectangle of `ratio` in the middle of `area`. @param {Box} area @param {number} ratio */
 function fitted(area, ratio) {
   const width = Math.min(area.width, area.height * ratio);
   const height = width / ratio;
   return box(area.left + (area.width - width) / 2, area.top + (area.height - height) / 2, width, height);
 }
 
-/** The largest of the four rectangles around `cuer` within `area`. */
+/** The largest of the four rectangles around `cuer` within `area`. @param {Box} area @param {Box} cuer */
 function freeOf(area, cuer) {
   const right = area.left + area.width;
   const bottom = area.top + area.height;
@@ -39,11 +43,12 @@ function freeOf(area, cuer) {
     box(area.left, area.top, area.width, cuer.top - area.top),
     box(area.left, cuer.top + cuer.height, area.width, bottom - cuer.top - cuer.height),
   ];
+  /** @param {Box} box */
   const worth = ({ width, height }) => Math.min(width, 480) * Math.min(height, 640);
   return around.reduce((best, one) => (worth(one) > worth(best) ? one : best));
 }
 
-/** Letters of the keys and how many keys stand on each side of the present one, in `width`. */
+/** Letters of the keys and how many keys stand on each side of the present one, in `width`. @param {Size} screen @param {number} width */
 function keyLine(screen, width) {
   const vmin = Math.min(screen.width, screen.height);
   const size = clamp(LETTERS[0], 0.031 * vmin, LETTERS[1]);
@@ -58,9 +63,12 @@ function keyLine(screen, width) {
  * else null; `ratio` of the programme, 0 without a picture; `aspect` of the cuer; `choice`:
  * {layout, size, place, left, top, width (percent), keys, captions (letters' size in percent of
  * the screen's smaller side, 0 without)}.
+ * @param {Size} screen @param {Box|null} picture @param {number} ratio @param {number} aspect
+ * @param {LayoutChoice} choice
  */
 export function layoutOf(screen, picture, ratio, aspect, choice) {
   const area = box(0, 0, screen.width, screen.height);
+  /** @type {Record<string, (area: Box, choice: LayoutChoice, aspect: number, picture: Box | null, ratio: number) => Omit<Layout, "kind" | "panel">>} */
   const makers = { alone, whole, below, beside, over };
   const isUpright = screen.height > 1.15 * screen.width;
   let kind = choice.layout === "beside" ? (isUpright ? "below" : "beside") : "over";
@@ -70,15 +78,18 @@ export function layoutOf(screen, picture, ratio, aspect, choice) {
   return { kind, ...made, panel: freeOf(area, kind === "alone" || kind === "whole" ? box(area.width * 0.5, 0, area.width * 0.5, area.height) : made.cuer) };
 }
 
+/** @param {Box} area @param {LayoutChoice} choice @param {number} width */
 function bandOf(area, choice, width) {
   const line = keyLine(area, width);
   return { ...line, height: choice.keys ? KEY_EM[1] * line.size : 0 };
 }
 
+/** @param {Box} area @param {LayoutChoice} choice */
 const letters = (area, choice) => choice.captions / 100 * Math.min(area.width, area.height);
+/** @param {Box} area @param {LayoutChoice} choice */
 const captionsOf = (area, choice) => Math.max(choice.captions && 15, letters(area, choice)) * CAPTION_LINES;
 
-/** The cuer in a column or row with her keys under her. */
+/** The cuer in a column or row with her keys under her. @param {Box} space @param {number} aspect @param {KeyBand} band */
 function standing(space, aspect, band) {
   const cuer = fitted(box(space.left, space.top, space.width, space.height - band.height), aspect);
   cuer.top = space.top + (space.height - band.height - cuer.height) / 2;
@@ -86,7 +97,7 @@ function standing(space, aspect, band) {
   return { cuer, keys };
 }
 
-/** A programme without picture leaves the screen to her. */
+/** A programme without picture leaves the screen to her. @param {Box} area @param {LayoutChoice} choice @param {number} aspect */
 function alone(area, choice, aspect) {
   const text = captionsOf(area, choice);
   const space = box(0, 0, area.width, area.height - text);
@@ -94,7 +105,10 @@ function alone(area, choice, aspect) {
   return { ...standing(space, aspect, bandOf(area, choice, area.width)), programme: area, captions, bar: area };
 }
 
-/** She has the screen, the programme a corner of it. */
+/**
+ * She has the screen, the programme a corner of it.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} picture @param {number} ratio
+ */
 function whole(area, choice, aspect, picture, ratio) {
   const text = captionsOf(area, choice);
   const space = box(0, 0, area.width, area.height - text);
@@ -108,7 +122,11 @@ function whole(area, choice, aspect, picture, ratio) {
   return { ...stood, programme: box(left, margin, width, width / ratio), captions, bar: area };
 }
 
-/** Upright screens: the programme above, captions, the cuer as wide as the screen, her keys. */
+/**
+ * Upright screens: the programme above, captions, the cuer as wide as the screen, her keys.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} _picture
+ * @param {number} ratio
+ */
 function below(area, choice, aspect, _picture, ratio) {
   const text = captionsOf(area, choice);
   const height = Math.min(area.width / ratio, 0.4 * area.height);
@@ -119,7 +137,11 @@ function below(area, choice, aspect, _picture, ratio) {
   return { ...standing(row, aspect, bandOf(area, choice, area.width)), programme, captions, bar: box(0, 0, area.width, height) };
 }
 
-/** She has a column of the screen; the programme shrinks to the rest, captions under it. */
+/**
+ * She has a column of the screen; the programme shrinks to the rest, captions under it.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} _picture
+ * @param {number} ratio
+ */
 function beside(area, choice, aspect, _picture, ratio) {
   const width = area.width * BESIDE[choice.size];
   const isLeft = choice.place.endsWith("left");
@@ -132,7 +154,10 @@ function beside(area, choice, aspect, _picture, ratio) {
   return { ...standing(column, aspect, bandOf(area, choice, width)), programme, captions, bar: rest };
 }
 
-/** She stands over the programme, in a corner or where the viewer put her. */
+/**
+ * She stands over the programme, in a corner or where the viewer put her.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} picture @param {number} ratio
+ */
 function over(area, choice, aspect, picture, ratio) {
   const programme = picture || fitted(area, ratio);
   const cuer = choice.place === "free" ? placed(programme, choice, aspect) : cornered(programme, choice, aspect);
@@ -147,12 +172,17 @@ function over(area, choice, aspect, picture, ratio) {
   return { cuer, keys, programme, captions, bar: area };
 }
 
-/** The line of keys in the first row that she leaves free; without one, smaller beside her. */
+/**
+ * The line of keys in the first row that she leaves free; without one, smaller beside her.
+ * @param {Box} programme @param {Box} cuer @param {KeyBand} line @param {number} right @param {number} lift
+ */
 function keysClear({ left, top, width, height }, cuer, line, right, lift) {
+  /** @param {KeyLine} line */
   const needs = ({ around, size }) => (2 * around + 1) * KEY_EM[0] * size;
   const low = top + height - lift - line.height;
   /** @type {[number, number, number][]} */
   const spans = [[left, low, width], [left, low, cuer.left - left], [cuer.left + cuer.width, low, right], [left, top, width]];
+  /** @param {[number, number, number]} span @param {KeyBand} one */
   const within = ([x, y, w], one) => ({ ...one, ...box(x + (w - needs(one)) / 2, y, needs(one), line.height) });
   const free = spans.find((span) => span[2] >= needs(line) && !meets(within(span, line), cuer));
   if (free) return within(free, line);
@@ -161,13 +191,14 @@ function keysClear({ left, top, width, height }, cuer, line, right, lift) {
   return within(side, { ...least, size: line.size * Math.min(1, side[2] / needs(least)) });
 }
 
-/** The wider part of the programme's width that she leaves: left edge and width. */
+/** The wider part of the programme's width that she leaves: left edge and width. @param {Box} programme @param {Box} cuer */
 function freeSpan({ left, width }, cuer) {
   const before = cuer.left - left;
   const after = left + width - cuer.left - cuer.width;
   return before >= after ? [left, before] : [cuer.left + cuer.width, after];
 }
 
+/** @param {Box} programme @param {LayoutChoice} choice @param {number} aspect */
 function cornered(programme, { size, place }, aspect) {
   const { left, top, width, height } = programme;
   const high = Math.min(height * OVER[size], width / aspect);
@@ -177,6 +208,7 @@ function cornered(programme, { size, place }, aspect) {
   return box(x, vertical === "top" ? top + margin : top + height - margin - high, high * aspect, high);
 }
 
+/** @param {Box} programme @param {LayoutChoice} choice @param {number} aspect */
 function placed(programme, { left, top, width }, aspect) {
   const wide = Math.min(programme.width * width / 100, programme.height * aspect);
   const high = wide / aspect;

@@ -14,11 +14,16 @@ const LOOK_MS = 250;
 const PATIENCE_MS = 3000;
 
 export class LiveProgramme {
-  /** `tell(start)` hears of each new run of media: `{recoded, unseen}`, names of codecs or empty. */
+  /**
+   * `tell(start)` hears of each new run of media: `{recoded, unseen}`, names of codecs or empty.
+   * @param {HTMLVideoElement} video @param {string} url
+   * @param {(beginning: {recoded: string, unseen: string}) => void} tell
+   */
   constructor(video, url, tell) {
     this.tell = tell;
     this.video = video;
     this.url = url;
+    /** @type {any[]} */
     this.waiting = [];
     this.media = new MediaSource();
     /** @type {any} */
@@ -68,6 +73,7 @@ export class LiveProgramme {
     }
   }
 
+  /** @param {string} mime */
   prepare(mime) {
     if (this.buffer) {
       this.buffer.changeType(mime);

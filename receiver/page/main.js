@@ -20,7 +20,10 @@ const STEP_S = 0.04;
 const ABSENT_S = 10;
 
 class Page {
-  /** `arrays` of the avatar, or null where there is none; `status`: {live, captions} of the television. */
+  /**
+   * `arrays` of the avatar, or null where there is none; `status`: {live, captions} of the television.
+   * @param {VoiceModel} model @param {Arrays|null} arrays @param {{live: boolean, captions: string}} status
+   */
   constructor(model, arrays, { live, captions }) {
     this.model = model;
     this.live = live;
@@ -29,7 +32,8 @@ class Page {
     /** Whether the programme has no cuer, and all of the screen. */
     this.absent = false;
     this.heard = { fromS: 0, untilS: 0 };
-    const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+    /** @param {string} id */
+    const find = (id) => /** @type {any} */ (document.getElementById(id));
     this.video = /** @type {HTMLVideoElement} */ (find("programme"));
     this.cuer = new Cuer(model, arrays, { points: find("points"), avatar: find("avatar") });
     this.timeline = this.cuer.timeline;
@@ -60,7 +64,7 @@ class Page {
     requestAnimationFrame((now) => this.tick(now));
   }
 
-  /** The programme's text, in a language. */
+  /** The programme's text, in a language. @param {string} language */
   addCaptions(language) {
     const track = document.createElement("track");
     Object.assign(track, { kind: "captions", src: "/captions.vtt", srclang: language, label: language });
@@ -86,15 +90,16 @@ class Page {
     const { values } = this.settings;
     const captions = this.captions.present ? values.captions : 0;
     const absent = this.absent ? { layout: "over", size: "small" } : {};
-    this.stage.arrange({ ...values, captions, ...absent }, this.model.aspect);
+    this.stage.arrange({ .../** @type {StageChoice} */ (values), captions, ...absent }, this.model.aspect);
     this.cuer.choose(values.style);
     this.cuer.dress(values.appearance, location.href).catch((error) => console.warn(`cuecast: ${error.message}`));
     this.showPanel(words);
     this.controls.show();
   }
 
+  /** @param {Words} words */
   showPanel(words) {
-    this.settings.show(document.getElementById("choices"), words);
+    this.settings.show(/** @type {HTMLElement} */ (document.getElementById("choices")), words);
     const help = /** @type {HTMLElement} */ (document.getElementById("help"));
     help.textContent = "";
     for (const [key, name, colour] of HELP) {
@@ -111,10 +116,12 @@ class Page {
     return STEP_S;
   }
 
+  /** @param {number} timeS */
   seekTo(timeS) {
     this.video.currentTime = Math.max(0, Math.min(timeS, this.video.duration || timeS));
   }
 
+  /** @param {any} message */
   receive(message) {
     this.link = "searching";
     if (message.type === "status") this.timeline.insertState(message);
@@ -129,12 +136,13 @@ class Page {
     }
   }
 
-  /** Say that the picture was coded anew for the browser, or cannot be shown. */
+  /** Say that the picture was coded anew for the browser, or cannot be shown. @param {{recoded: string, unseen: string}} beginning */
   tellCodec({ recoded, unseen }) {
     if (recoded) this.stage.say(`${this.words().recoded} (${recoded})`);
     if (unseen) this.stage.say(`${this.words().unseen} (${unseen})`);
   }
 
+  /** @param {boolean} jumped */
   report(jumped) {
     const timeS = this.video.currentTime;
     this.timeline.prune(timeS);
@@ -147,6 +155,7 @@ class Page {
    * The one state that is shown: of reception at `timeS`, or of the connection where nothing was
    * received. A cuer who was received, but of whom nothing is here to be drawn yet, is awaited; one
    * who was not found for some time is absent.
+   * @param {number} timeS @param {number} visibility
    */
   state(timeS, visibility) {
     if (this.link !== "searching") return this.link;
@@ -156,18 +165,19 @@ class Page {
     return visibility === 0 && (state === "locked" || state === "degraded") ? "awaiting" : state;
   }
 
-  /** Seconds of the programme that were searched for a cuer, up to what was received. */
+  /** Seconds of the programme that were searched for a cuer, up to what was received. @param {number} timeS */
   searchedS(timeS) {
     const { fromS, untilS } = this.heard;
     if (this.timeline.states.some(({ time_s, state }) => state === "locked" && time_s <= untilS)) return 0;
     return Math.max(this.live ? timeS : untilS, untilS) - fromS;
   }
 
+  /** @param {number} now */
   tick(now) {
     requestAnimationFrame((next) => this.tick(next));
     const timeS = this.clock.at(now);
     const shownS = this.shownS = timeS - this.settings.get("delay") / 1000;
-    const visibility = this.cuer.show(shownS, this.settings.values);
+    const visibility = this.cuer.show(shownS, /** @type {LookChoice} */ (this.settings.values));
     this.drawn = { timeS, nowMs: now, visibility };
     this.captions.showAt(timeS);
     const words = this.words();

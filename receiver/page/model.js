@@ -3,7 +3,7 @@
  * P3DF and P3DH give them (Gibert, Bailly, Elisei 2004, section 3) and as `codec.voice` computes them.
  */
 
-/** Decode base64 of little-endian float64. */
+/** Decode base64 of little-endian float64. @param {string} encoded */
 function matrix(encoded) {
   const text = atob(encoded);
   const bytes = new Uint8Array(text.length);
@@ -11,7 +11,10 @@ function matrix(encoded) {
   return new Float64Array(bytes.buffer);
 }
 
-/** out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row. */
+/**
+ * out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row.
+ * @param {Numbers} mean @param {Numbers} axes @param {Numbers} params @param {number} offset @param {Float64Array} out
+ */
 function affine(mean, axes, params, offset, out) {
   const width = out.length;
   const n = axes.length / width;
@@ -22,7 +25,10 @@ function affine(mean, axes, params, offset, out) {
   }
 }
 
-/** Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues. */
+/**
+ * Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues.
+ * @param {number} x @param {number} y @param {number} z @param {Float64Array} out
+ */
 export function rotation(x, y, z, out) {
   const squared = x * x + y * y + z * z;
   const angle = Math.sqrt(squared);
@@ -40,7 +46,11 @@ export function rotation(x, y, z, out) {
   return out;
 }
 
-/** Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`. */
+/**
+ * Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`.
+ * @param {Numbers} r @param {number} x @param {number} y @param {number} z @param {number} tx @param {number} ty
+ * @param {number} tz @param {Numbers} pivot @param {Float64Array} to @param {number} j
+ */
 function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
   to[j] = r[0] * x + r[1] * y + r[2] * z + tx + pivot[0];
   to[j + 1] = r[3] * x + r[4] * y + r[5] * z + ty + pivot[1];
@@ -48,7 +58,7 @@ function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
 }
 
 export class VoiceModel {
-  /** Build from the document of `/voice.json`. */
+  /** Build from the document of `/voice.json`. @param {VoiceDocument} document */
   constructor(document) {
     this.identity = document.identity;
     this.layout = document.layout;
@@ -64,6 +74,7 @@ export class VoiceModel {
     this.hand = decoded(document.hand);
     this.faceCount = document.face_markers;
     this.handCount = this.markers.length - this.faceCount;
+    /** @param {string} prefix */
     const count = (prefix) => this.layout.filter((name) => name.startsWith(prefix)).length;
     this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
     this.offsets.head = this.offsets.hand + count("hand.");
@@ -77,7 +88,10 @@ export class VoiceModel {
     this.r = new Float64Array(9);
   }
 
-  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
+  /**
+   * The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest.
+   * @param {number} shape @param {number} placement
+   */
   target(shape, placement) {
     const { shapes, forearms, head } = this.gestures;
     const { hand, head: headAt, forearm } = this.offsets;
@@ -90,13 +104,14 @@ export class VoiceModel {
     return params;
   }
 
-  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */
+  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). @param {Float64Array} params @param {Float64Array} out */
   reconstruct(params, out) {
     this.reconstructFace(params, out);
     this.reconstructHand(params, out);
     return out;
   }
 
+  /** @param {Float64Array} params @param {Float64Array} out */
   reconstructFace(params, out) {
     const { mean, directions, pivot, motion_mean, motion_directions, weights } = this.face;
     const { headMotion: m, faceShape: p, r } = this;
@@ -111,6 +126,7 @@ export class VoiceModel {
     }
   }
 
+  /** @param {Float64Array} params @param {Float64Array} out */
   reconstructHand(params, out) {
     const { angle_mean, angle_directions, regression, pivot, motion_mean, motion_directions } = this.hand;
     const { handMotion: m, handShape: p, angles, r } = this;
@@ -133,7 +149,9 @@ export class VoiceModel {
   }
 }
 
+/** @param {Words} arrays */
 function decoded(arrays) {
+  /** @type {Matrices} */
   const out = {};
   for (const name of Object.keys(arrays)) out[name] = matrix(arrays[name]);
   return out;

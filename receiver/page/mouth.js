@@ -11,6 +11,7 @@ const CLEARANCE_MM = 1.4;
 const RAMP_MM = 2;
 
 export class Mouth {
+  /** @param {Arrays} arrays */
   constructor(arrays) {
     this.rings = arrays.mouth_rings;
     this.upper = arrays.mouth_upper;
@@ -27,7 +28,7 @@ export class Mouth {
     this.overlap = new Float64Array(this.upper.length);
   }
 
-  /** Correct the coarse mesh (x, y, z of each vertex), in place. */
+  /** Correct the coarse mesh (x, y, z of each vertex), in place. @param {Float32Array} control */
   solve(control) {
     const { rings, columns, pressed } = this;
     this.level(control);
@@ -45,13 +46,15 @@ export class Mouth {
     }
   }
 
-  /** Take the heights of the edge; those of the lower lip level where it bulges. */
+  /** Take the heights of the edge; those of the lower lip level where it bulges. @param {Float32Array} control */
   level(control) {
     const { rings, columns, lower, heights, pressed } = this;
+    /** @param {number} column @param {number} axis */
     const place = (column, axis) => control[3 * rings[EDGE * columns + column] + axis];
     for (let c = 0; c < columns; c++) heights[c] = place(c, 1);
     const [first, last] = [lower[0], lower[lower.length - 1]];
     const slope = (heights[last] - heights[first]) / (place(last, 0) - place(first, 0));
+    /** @param {number} column */
     const above = (column) => place(column, 1) - heights[first] - slope * (place(column, 0) - place(first, 0));
     let most = 0;
     for (const column of lower) most = Math.max(most, above(column));
@@ -63,6 +66,7 @@ export class Mouth {
   /** Move the heights of the edge so that the lips meet and do not overlap. */
   part() {
     const { columns, upper, lower, beside, between, pressed, heights, overlap } = this;
+    /** @param {number} i */
     const below = (i) => heights[lower[beside[i]]] + between[i] * (heights[lower[beside[i] + 1]] - heights[lower[beside[i]]]);
     for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - heights[upper[i]], 0);
     for (let k = 0; k < lower.length; k++) {
@@ -74,7 +78,7 @@ export class Mouth {
     for (let c = 0; c < columns; c++) pressed[c] += heights[c];
   }
 
-  /** Hold a vertex of the lips in front of both rows of teeth. */
+  /** Hold a vertex of the lips in front of both rows of teeth. @param {Float32Array} control @param {number} at */
   clear(control, at) {
     const { arch, jaw, jawRest } = this;
     for (let row = 0; row < 2; row++) {

@@ -5,7 +5,7 @@
  */
 
 export class Movement {
-  /** @param model a `VoiceModel` */
+  /** @param model a `VoiceModel` @param {Model} model */
   constructor(model) {
     this.rules = model.rules;
     const { taps, step_s: step, hand_s: hand, mouth_s: mouth } = this.rules;
@@ -19,7 +19,10 @@ export class Movement {
     this.mouth = new Float64Array(taps);
   }
 
-  /** What the rules add at `timeS`; `sample(timeS, out)` writes parameters, or returns 0 where none are known. */
+  /**
+   * What the rules add at `timeS`; `sample(timeS, out)` writes parameters, or returns 0 where none are known.
+   * @param {number} timeS @param {Sample} sample
+   */
   at(timeS, sample) {
     const { rules } = this;
     this.remember(timeS, sample);
@@ -41,7 +44,7 @@ export class Movement {
     };
   }
 
-  /** Sample the two signals from `timeS` back; before the first known parameters those are held. */
+  /** Sample the two signals from `timeS` back; before the first known parameters those are held. @param {number} timeS @param {Sample} sample */
   remember(timeS, sample) {
     const { taps, step_s: step, signals } = this.rules;
     this.params.fill(0);
@@ -53,6 +56,7 @@ export class Movement {
     }
   }
 
+  /** @param {number} t @param {number} accent @param {number} onset @param {number} end @param {number} lately */
   nod(t, accent, onset, end, lately) {
     const { nod: rule, resting_share: rest, head_waves: head } = this.rules;
     const share = rest + (1 - rest) * lately;
@@ -61,7 +65,7 @@ export class Movement {
     return turn.map((x) => rule.most_rad * Math.tanh(x / rule.most_rad));
   }
 
-  /** The eyes' offset from the lens: still, then a jump, then still. */
+  /** The eyes' offset from the lens: still, then a jump, then still. @param {number} t @param {number} lately */
   fixation(t, lately) {
     const { fixation_s: slot, saccade_s: jump, wander_rad: [cueing, resting] } = this.rules;
     const at = t / slot;
@@ -69,19 +73,20 @@ export class Movement {
     const late = slot * (at - number) - 0.5 * slot * chance(3 * number);
     const jumped = smooth(late / jump);
     return [1, 2].map((k, i) => {
+      /** @param {number} n */
       const place = (n) => (2 * chance(3 * n + k) - 1) ** 3;
       const still = (1 - jumped) * place(number - 1) + jumped * place(number);
       return still * (resting[i] + lately * (cueing[i] - resting[i]));
     });
   }
 
-  /** How far lids are closed `u` seconds after a blink began. */
+  /** How far lids are closed `u` seconds after a blink began. @param {number} u */
   lids(u) {
     const [closing, closed, opening] = this.rules.blink_s;
     return Math.min(smooth(u / closing), smooth((closing + closed + opening - u) / opening));
   }
 
-  /** How far the lids are closed, 0 to 1: by chance, and where the hand sinks. */
+  /** How far the lids are closed, 0 to 1: by chance, and where the hand sinks. @param {number} t */
   blink(t) {
     const { blink_slot_s: slot, blink_after_s: after, step_s: step } = this.rules;
     const number = Math.floor(t / slot);
@@ -100,7 +105,7 @@ export class Movement {
     return shut;
   }
 
-  /** Weights of brows, lids and cheeks. */
+  /** Weights of brows, lids and cheeks. @param {number} t @param {number} accent @param {number} onset @param {number} lately */
   face(t, accent, onset, lately) {
     const { rules } = this;
     const [size, period, phase] = rules.knit_wave;
@@ -110,6 +115,7 @@ export class Movement {
     const squint = clip(rules.squint[0] + rules.squint[1] * knit) * (1 - shut);
     const cheek = clip(rules.cheek_per_mm * Math.max(-accent, 0) + 0.3 * knit);
     const wide = clip(rules.wide_onset * onset) * (1 - shut);
+    /** @type {Record<string, number>} */
     const shapes = { browInnerUp: 0.6 * lift };
     for (const side of ["Left", "Right"]) {
       const own = { eyeBlink: rules.lids_rest + (1 - rules.lids_rest) * shut, browOuterUp: lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
@@ -119,7 +125,7 @@ export class Movement {
   }
 }
 
-/** An evenly spread number, 0 to 1, that a whole number always gives. */
+/** An evenly spread number, 0 to 1, that a whole number always gives. @param {number} number */
 export function chance(number) {
   let x = number >>> 0;
   x = Math.imul(x ^ (x >>> 16), 0x21f0aaad) >>> 0;
@@ -127,10 +133,14 @@ export function chance(number) {
   return ((x ^ (x >>> 15)) >>> 0) / 4294967296;
 }
 
+/** @param {number} x */
 const clip = (x) => Math.max(0, Math.min(1, x));
+/** @param {number[]} weights @param {Float64Array} values */
 const dot = (weights, values) => weights.reduce((sum, weight, i) => sum + weight * values[i], 0);
+/** @param {number} t @param {Wave[]} list */
 const waves = (t, list) => list.reduce((sum, [size, period, phase]) => sum + size * Math.sin(2 * Math.PI * (t / period + phase)), 0);
 
+/** @param {number} x */
 function smooth(x) {
   const part = clip(x);
   return part * part * (3 - 2 * part);

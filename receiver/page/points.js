@@ -6,16 +6,17 @@
  */
 
 export class PointLights {
+  /** @param {HTMLCanvasElement} canvas @param {Model} model */
   constructor(canvas, model) {
     this.canvas = canvas;
-    this.context = canvas.getContext("2d");
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     this.model = model;
     this.order = Array.from(model.markers, (_, i) => i);
     this.xy = new Float64Array(2 * model.markers.length);
     this.scale = new Float64Array(model.markers.length);
   }
 
-  /** Draw `markers` (3 numbers each); `look`: {alpha, mirror, handOnly, contrast, dot}. */
+  /** Draw `markers` (3 numbers each); `look`: {alpha, mirror, handOnly, contrast, dot}. @param {Numbers} markers @param {Look} look */
   draw(markers, look) {
     const { canvas, context } = this;
     fit(canvas);
@@ -35,7 +36,11 @@ export class PointLights {
     }
   }
 
-  /** Colours with the markers that have them; the hand is drawn over the face. */
+  /**
+   * Colours with the markers that have them; the hand is drawn over the face.
+   * @param {Look} look
+   * @returns {[string, (i: number) => boolean][]}
+   */
   groups(look) {
     const n = this.model.faceCount;
     const face = look.contrast === "strong" ? "#ffffff" : "#eef0f6";
@@ -43,6 +48,7 @@ export class PointLights {
     return [[face, (i) => i < n], [hand, (i) => i >= n]];
   }
 
+  /** @param {number[]} order @param {{handOnly: boolean, wanted?: (i: number) => boolean}} look @param {number} radius */
   discs(order, { handOnly, wanted }, radius) {
     const { context, xy, scale } = this;
     context.beginPath();
@@ -55,6 +61,7 @@ export class PointLights {
     context.fill();
   }
 
+  /** @param {Numbers} markers @param {boolean} mirror */
   project(markers, mirror) {
     const { centre, height_mm, distance_mm } = this.model.camera;
     const { width, height } = this.canvas;
@@ -69,7 +76,7 @@ export class PointLights {
   }
 }
 
-/** Give the canvas as many pixels as the screen shows of it. */
+/** Give the canvas as many pixels as the screen shows of it. @param {HTMLCanvasElement} canvas */
 export function fit(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));

@@ -1,5 +1,6 @@
 /** What the viewer chose: checked, remembered in the browser, shown in the panel of settings. */
 
+/** @type {Record<string, string[]>} */
 export const CHOICES = {
   style: ["avatar", "points"],
   appearance: ["woman", "man", "elder"],
@@ -10,12 +11,13 @@ export const CHOICES = {
   ground: ["shade", "box", "none"],
   language: ["fr", "en"],
 };
-/** Least, most and step. */
+/** Least, most and step. @type {Record<string, number[]>} */
 const RANGES = {
   opacity: [20, 100, 5], dot: [40, 200, 5], delay: [-500, 500, 20], captions: [0, 10, 1],
   left: [0, 100, 1], top: [0, 100, 1], width: [10, 100, 1],
 };
 const SWITCHES = ["mirror", "handOnly", "keys"];
+/** @type {Record<string, any>} */
 const DEFAULTS = {
   style: "avatar", appearance: "woman", layout: "beside", place: "bottom-right", size: "large", contrast: "panel",
   language: (navigator.language || "fr").startsWith("fr") ? "fr" : "en",
@@ -26,29 +28,38 @@ const ORDER = [
   "layout", "size", "place", "left", "top", "width", "style", "appearance", "mirror", "handOnly", "delay", "contrast", "opacity", "dot",
   "keys", "captions", "ground", "language",
 ];
+/** @type {Words} */
 const UNITS = { opacity: "%", dot: "%", delay: "ms", captions: "%", left: "%", top: "%", width: "%" };
+/** @type {Words} */
+const LANGUAGES = { fr: "Français", en: "English" };
 const FREE = ["left", "top", "width"];
 const STORE = "cuecast.settings";
 
 export class Settings {
+  /** @param {() => void} changed */
   constructor(changed) {
     this.changed = changed;
     this.values = Object.assign({}, DEFAULTS);
     this.absent = new Set();
+    /** @type {Record<string, {title: HTMLLabelElement, control: any}>} */
     this.rows = {};
+    /** @type {Words} */
+    this.shown = {};
     const stored = read();
     for (const name of Object.keys(DEFAULTS)) if (valid(name, stored[name])) this.values[name] = stored[name];
   }
 
+  /** @param {string} name */
   get(name) {
     return this.values[name];
   }
 
+  /** @param {string} name @param {any} value */
   set(name, value) {
     this.setAll({ [name]: value });
   }
 
-  /** Take several values at once, those that are valid. */
+  /** Take several values at once, those that are valid. @param {Record<string, any>} values */
   setAll(values) {
     for (const name of Object.keys(values)) if (valid(name, values[name])) this.values[name] = values[name];
     try {
@@ -60,21 +71,23 @@ export class Settings {
     this.changed();
   }
 
+  /** @param {string} name */
   toggle(name) {
     this.set(name, !this.values[name]);
   }
 
+  /** @param {string} name */
   next(name) {
     const list = CHOICES[name];
     this.set(name, list[(list.indexOf(this.values[name]) + 1) % list.length]);
   }
 
-  /** Leave a setting out: this television cannot follow it. */
+  /** Leave a setting out: this television cannot follow it. @param {string} name */
   withhold(name) {
     this.absent.add(name);
   }
 
-  /** Fill `parent` with one labelled control per setting, in the words of a language. */
+  /** Fill `parent` with one labelled control per setting, in the words of a language. @param {HTMLElement} parent @param {Words} words */
   show(parent, words) {
     if (this.shown === words) return;
     this.shown = words;
@@ -102,6 +115,7 @@ export class Settings {
     }
   }
 
+  /** @param {string} name @param {Words} words */
   control(name, words) {
     if (CHOICES[name]) return this.select(name, words);
     const input = document.createElement("input");
@@ -111,10 +125,11 @@ export class Settings {
     return input;
   }
 
+  /** @param {string} name @param {Words} words */
   select(name, words) {
     const select = document.createElement("select");
     for (const value of CHOICES[name]) {
-      const title = name === "language" ? { fr: "Français", en: "English" }[value] : words[value];
+      const title = name === "language" ? LANGUAGES[value] : words[value];
       select.add(new Option(title, value));
     }
     select.onchange = () => this.set(name, select.value);
@@ -122,6 +137,7 @@ export class Settings {
   }
 }
 
+/** @param {string} name @param {any} value */
 function valid(name, value) {
   if (CHOICES[name]) return CHOICES[name].includes(value);
   if (RANGES[name]) return Number.isFinite(value) && value >= RANGES[name][0] && value <= RANGES[name][1];

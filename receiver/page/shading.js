@@ -134,6 +134,7 @@ void main() {
 /**
  * A shader in WebGL 2's language, where what varies is read inside the triangle (`centroid`): at the
  * edge of a thin one, a value read at the pixel's middle lies outside it, and shows as a dark speck.
+ * @param {string} source @param {boolean} isVertex
  */
 function modern(source, isVertex) {
   const changed = source.replace(/varying /g, isVertex ? "centroid out " : "centroid in ")
@@ -141,40 +142,43 @@ function modern(source, isVertex) {
   return `#version 300 es\n${isVertex ? "" : "precision highp float;\nout vec4 shown;\n"}${changed}`;
 }
 
-/** Compile a program; `handle`, and its attributes and uniforms by name. */
+/** Compile a program; `handle`, and its attributes and uniforms by name. @param {GL} gl @param {string} vertex @param {string} fragment */
 function link(gl, vertex, fragment) {
   const handle = gl.createProgram();
-  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(type);
+  for (const isVertex of [true, false]) {
+    const source = isVertex ? vertex : fragment;
+    const shader = /** @type {WebGLShader} */ (gl.createShader(isVertex ? gl.VERTEX_SHADER : gl.FRAGMENT_SHADER));
     const hasCentroid = typeof WebGL2RenderingContext !== "undefined" && gl instanceof WebGL2RenderingContext;
-    gl.shaderSource(shader, hasCentroid ? modern(source, type === gl.VERTEX_SHADER) : source);
+    gl.shaderSource(shader, hasCentroid ? modern(source, isVertex) : source);
     gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader) || "shader");
     gl.attachShader(handle, shader);
   }
   gl.linkProgram(handle);
-  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
+  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle) || "program");
+  /** @param {number} count @param {"getActiveAttrib"|"getActiveUniform"} active @param {"getAttribLocation"|"getUniformLocation"} find */
   const collect = (count, active, find) => Object.fromEntries(
     Array.from({ length: gl.getProgramParameter(handle, count) }, (_, i) => {
-      const name = gl[active](handle, i).name.replace("[0]", "");
+      const name = /** @type {WebGLActiveInfo} */ (gl[active](handle, i)).name.replace("[0]", "");
       return [name, gl[find](handle, name)];
     }),
   );
   return {
     handle,
-    attributes: collect(gl.ACTIVE_ATTRIBUTES, "getActiveAttrib", "getAttribLocation"),
-    uniforms: collect(gl.ACTIVE_UNIFORMS, "getActiveUniform", "getUniformLocation"),
+    attributes: /** @type {Record<string, number>} */ (collect(gl.ACTIVE_ATTRIBUTES, "getActiveAttrib", "getAttribLocation")),
+    uniforms: /** @type {Record<string, WebGLUniformLocation | null>} */ (collect(gl.ACTIVE_UNIFORMS, "getActiveUniform", "getUniformLocation")),
   };
 }
 
 /** The programs of an avatar, and the shadow's map. */
 export class Shading {
-  /** `arrays` of the avatar's document; `heightMm` of the camera's picture. */
+  /** `arrays` of the avatar's document; `heightMm` of the camera's picture. @param {GL} gl @param {Arrays} arrays @param {number} heightMm */
   constructor(gl, arrays, heightMm) {
     this.gl = gl;
     const [side, texelMm, ...weights] = arrays.shadow;
     this.side = side;
-    const fill = (text) => text.replaceAll("TAPS", weights.length).replaceAll("SIDE", `${side}.0`).replace("HEIGHT", heightMm.toFixed(3));
+    /** @param {string} text */
+    const fill = (text) => text.replaceAll("TAPS", String(weights.length)).replaceAll("SIDE", `${side}.0`).replace("HEIGHT", heightMm.toFixed(3));
     this.skin = link(gl, fill(SKIN_VERTEX), fill(SKIN_FRAGMENT));
     this.cast = link(gl, CAST_VERTEX, CAST_FRAGMENT);
     this.blur = link(gl, BLUR_VERTEX, fill(BLUR_FRAGMENT));
@@ -193,7 +197,7 @@ export class Shading {
     this.maps = [this.target(true), this.target(false)];
   }
 
-  /** A texture to be drawn into. */
+  /** A texture to be drawn into. @param {boolean} withDepth */
   target(withDepth) {
     const { gl, side } = this;
     const texture = gl.createTexture();
@@ -215,7 +219,7 @@ export class Shading {
     return { texture, buffer };
   }
 
-  /** Make the shadow's map; `draw(program)` draws what casts it. */
+  /** Make the shadow's map; `draw(program)` draws what casts it. @param {(program: Program) => void} draw */
   castShadow(draw) {
     const { gl, side, maps, blur } = this;
     gl.viewport(0, 0, side, side);

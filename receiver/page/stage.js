@@ -6,9 +6,13 @@ import { layoutOf } from "./layout.js";
 const SAID_MS = 1400;
 
 export class Stage {
-  /** `document`: a document or shadow tree with the elements of `index.html`; some may be missing. */
+  /**
+   * `document`: a document or shadow tree with the elements of `index.html`; some may be missing.
+   * @param {DocumentOrShadowRoot & NonElementParentNode} document
+   */
   constructor(document) {
-    const find = (id) => document.getElementById(id);
+    /** @param {string} id */
+    const find = (id) => /** @type {any} */ (document.getElementById(id));
     this.root = find("stage");
     this.programme = find("programme");
     this.video = this.programme;
@@ -23,6 +27,8 @@ export class Stage {
     this.toast = find("toast");
     this.around = 2;
     this.shownKeys = "";
+    /** @type {any} The last `Layout`, there once the stage was arranged. */
+    this.layout = null;
   }
 
   /** Where a page put the programme inside the stage, letterboxed; null where the stage places it itself. */
@@ -41,7 +47,10 @@ export class Stage {
     };
   }
 
-  /** Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`. */
+  /**
+   * Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`.
+   * @param {StageChoice} choice @param {number} aspect
+   */
   arrange(choice, aspect) {
     const { videoWidth, videoHeight, readyState } = this.video;
     const screen = { width: this.root.clientWidth, height: this.root.clientHeight };
@@ -62,6 +71,7 @@ export class Stage {
     this.inset.hidden = false;
   }
 
+  /** @param {StageChoice} choice @param {Layout} layout */
   arrangeText({ captions, ground }, { captions: band, programme, bar, panel, kind }) {
     Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${programme.top + 8}px`, maxWidth: `${programme.width - 16}px` });
     if (this.captions) {
@@ -85,19 +95,24 @@ export class Stage {
   /** Tell the style how far what stands in the bar's way has to rise while the bar is shown. */
   clearBar() {
     const bar = { left: this.bar.offsetLeft, top: this.bar.offsetTop, width: this.bar.offsetWidth, height: this.bar.offsetHeight };
+    /** @param {Box} box */
     const rise = ({ left, top, width, height }) => {
       const beside = left >= bar.left + bar.width - 1 || left + width <= bar.left + 1 || this.layout.kind === "below";
       return beside ? 0 : Math.max(0, Math.min(top + height - bar.top, top));
     };
     const { cuer, keys, captions, kind } = this.layout;
     const text = Math.max(rise(keys), rise(captions));
+    /** @param {HTMLElement|null} part @param {number} pixels */
     const raise = (part, pixels) => part?.style.setProperty("--lift", `${-pixels}px`);
     raise(this.inset, rise(cuer));
     raise(this.keysLine, kind === "over" ? text : rise(keys));
     raise(this.captions, text);
   }
 
-  /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
+  /**
+   * Show the keys around the present one: phones above, placement and shape as the paper prints them.
+   * @param {{keys: Key[], now: number}} shown @param {Words} words
+   */
   showKeys({ keys, now }, words) {
     const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
     if (line === this.shownKeys) return;
@@ -118,23 +133,27 @@ export class Stage {
     });
   }
 
-  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud. */
+  /**
+   * `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud.
+   * @param {string} state @param {Words} words @param {Whose|null} whose @param {string} [more]
+   */
   showStatus(state, words, whose, more = "") {
     this.status.dataset.state = state;
     this.status.dataset.whose = whose ? whose.status : "";
     let text = words[state];
     if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
-    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
+    const ageS = whose?.age_s ?? 0;
+    if (Math.abs(ageS) >= 1) text += ` · ${Math.round(ageS)} s`;
     if (this.statusText.textContent !== text) this.statusText.textContent = text;
     if (this.statusMore && this.statusMore.textContent !== more) this.statusMore.textContent = more;
   }
 
-  /** Without a cuer there is no box: the programme is seen whole. */
+  /** Without a cuer there is no box: the programme is seen whole. @param {boolean} present */
   showCuer(present) {
     this.inset.classList.toggle("empty", !present);
   }
 
-  /** A word that passes: what a key press did. */
+  /** A word that passes: what a key press did. @param {string} text */
   say(text) {
     this.toast.textContent = text;
     this.toast.hidden = false;
@@ -143,6 +162,7 @@ export class Stage {
   }
 }
 
+/** @param {HTMLElement} element @param {Box} box */
 function lay(element, { left, top, width, height }) {
   Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
 }

@@ -1,5 +1,6 @@
 /** Every word on the page, in French and English. */
 
+/** @type {Record<string, Words>} */
 export const TEXTS = {
   fr: {
     cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
@@ -59,14 +60,14 @@ export const TEXTS = {
   },
 };
 
-/** Name every control in `language`: accessible names, tooltips and headings. */
+/** Name every control in `language`: accessible names, tooltips and headings. @param {HTMLElement} root @param {string} language */
 export function label(root, language) {
   const words = TEXTS[language];
   root.lang = language;
-  for (const element of root.querySelectorAll("[data-name]")) {
-    element.setAttribute("aria-label", words[element.dataset.name]);
-    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
+  for (const element of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-name]"))) {
+    element.setAttribute("aria-label", words[element.dataset.name || ""]);
+    if (element.tagName === "BUTTON") element.title = words[element.dataset.name || ""];
   }
-  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
+  for (const element of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-text]"))) element.textContent = words[element.dataset.text || ""];
   return words;
 }

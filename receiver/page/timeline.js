@@ -18,11 +18,14 @@ const NEAR_S = 4;
 const SLACK_S = 0.25;
 
 export class Timeline {
-  /** @param movement constants of the voice's hand, from `/voice.json` */
+  /** @param movement constants of the voice's hand, from `/voice.json` @param {HandMovement} movement */
   constructor(movement) {
     this.movement = movement;
+    /** @type {Piece[]} */
     this.pieces = [];
+    /** @type {Key[]} */
     this.keys = [];
+    /** @type {StateChange[]} */
     this.states = [];
   }
 
@@ -32,20 +35,20 @@ export class Timeline {
     this.states = [];
   }
 
-  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. */
+  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. @param {StateChange} change */
   insertState(change) {
     this.states = this.states.filter((known) => known.time_s < change.time_s);
     this.states.push(change);
   }
 
-  /** The state of reception at `timeS`; undefined before the first. */
+  /** The state of reception at `timeS`; undefined before the first. @param {number} timeS */
   stateAt(timeS) {
     let state;
     for (const change of this.states) if (change.time_s <= timeS) state = change.state;
     return state;
   }
 
-  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. */
+  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. @param {Piece} piece */
   insert(piece) {
     const half = 0.5 * piece.count / piece.rateHz;
     const low = this.indexAfter(piece.startS - half);
@@ -56,7 +59,7 @@ export class Timeline {
     this.pieces.splice(low, 0, piece);
   }
 
-  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. */
+  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. @param {Key[]} keys */
   insertKeys(keys) {
     for (const key of keys) {
       const low = this.keys.findIndex((known) => known.start > key.start - 0.01);
@@ -65,8 +68,9 @@ export class Timeline {
     }
   }
 
-  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. */
+  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. @param {number} timeS */
   prune(timeS) {
+    /** @param {number} start */
     const near = (start) => Math.abs(start - timeS) < KEPT_S;
     if (this.pieces.length && !(near(this.pieces[0].startS) && near(this.pieces[this.pieces.length - 1].startS))) {
       this.pieces = this.pieces.filter((piece) => near(piece.startS));
@@ -75,7 +79,7 @@ export class Timeline {
     }
   }
 
-  /** Index of the first piece that starts after `timeS`. */
+  /** Index of the first piece that starts after `timeS`. @param {number} timeS */
   indexAfter(timeS) {
     let low = 0;
     let high = this.pieces.length;
@@ -87,7 +91,7 @@ export class Timeline {
     return low;
   }
 
-  /** Seconds of motion known without a break from `timeS` on. */
+  /** Seconds of motion known without a break from `timeS` on. @param {number} timeS */
   knownFrom(timeS) {
     let index = this.indexAfter(timeS) - 1;
     let end = timeS;
@@ -104,6 +108,7 @@ export class Timeline {
    *
    * Returns the visibility of the cuer, 0 to 1: inside known motion 1; behind its end the last
    * frame is held and then faded out; 0 where nothing is known (`out` is then left alone).
+   * @param {number} timeS @param {Float64Array} out
    */
   sample(timeS, out) {
     const index = this.indexAfter(timeS) - 1;
@@ -118,7 +123,7 @@ export class Timeline {
     return late <= HOLD_S ? 1 : 1 - (late - HOLD_S) / FADE_S;
   }
 
-  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. */
+  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. @param {number} index @param {number} at */
   row(index, at) {
     let piece = this.pieces[index];
     const other = at < 0 ? this.pieces[index - 1] : at >= piece.count ? this.pieces[index + 1] : undefined;
@@ -141,6 +146,7 @@ export class Timeline {
    * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
    * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
    * @param {{shape: number, placement: string} | null} [hand]
+   * @param {number} timeS @param {number} before @param {number} after
    */
   keysAround(timeS, before, after, hand = null) {
     const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);
@@ -151,12 +157,16 @@ export class Timeline {
     return { keys, now: gone ? -1 : keys.indexOf(near[present]) };
   }
 
-  /** How many of the keys have been shown at `timeS`, and whether the hand has left the last one. */
+  /**
+   * How many of the keys have been shown at `timeS`, and whether the hand has left the last one.
+   * @param {Key[]} near @param {number} timeS @param {HandKey|null} hand
+   */
   byTheClock(near, timeS, hand) {
     const strokes = strokesTo(near, this.movement);
     const from = strokes.map((stroke, i) => shownFrom(stroke, strokes[i - 1]));
     let next = from.findIndex((startS) => startS > timeS);
     if (next < 0) next = near.length;
+    /** @param {number} i */
     const shows = (i) => hand && near[i] && near[i].shape === hand.shape && near[i].placement === hand.placement;
     if (!shows(next - 1)) {
       if (shows(next) && from[next] - timeS < SLACK_S) next += 1;
@@ -170,7 +180,11 @@ export class Timeline {
   }
 }
 
-/** Catmull-Rom interpolation between rows b and c at x in 0..1. */
+/**
+ * Catmull-Rom interpolation between rows b and c at x in 0..1.
+ * @param {Numbers} a @param {Numbers} b @param {Numbers} c @param {Numbers} d @param {number} x
+ * @param {Float64Array} out
+ */
 function cubic(a, b, c, d, x, out) {
   const x2 = x * x;
   const x3 = x2 * x;

@@ -3,6 +3,7 @@
 import { ask, fetched, Player } from "./player.js";
 import { alone, group, PLACES, spelled } from "./spelling.js";
 
+/** @param {string} id */
 const find = (id) => /** @type {any} */ (document.getElementById(id));
 
 /** Time before and after a key that a loop shows, seconds: the hand's way there, and its stay. */
@@ -15,8 +16,10 @@ const QUESTIONS = 10;
 const SLACK_S = 0.3;
 
 class Learner {
+  /** @param {Player} player */
   constructor(player) {
     this.player = player;
+    /** @type {any} An `Item` with its `query`, or null. */
     this.item = null;
     this.shownNow = -1;
     this.quiz = 0;
@@ -29,9 +32,9 @@ class Learner {
 
   listen() {
     for (const button of document.querySelectorAll("nav button")) {
-      button.addEventListener("click", () => this.view(/** @type {HTMLElement} */ (button).dataset.view));
+      button.addEventListener("click", () => this.view(/** @type {HTMLElement} */ (button).dataset.view || ""));
     }
-    find("form").addEventListener("submit", (event) => {
+    find("form").addEventListener("submit", (/** @type {SubmitEvent} */ event) => {
       event.preventDefault();
       this.sentence();
     });
@@ -45,11 +48,13 @@ class Learner {
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
+  /** @param {KeyboardEvent} event */
   key(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("textarea, select, button, a, summary")) {
+    if (event.ctrlKey || event.altKey || event.metaKey || /** @type {HTMLElement} */ (event.target).closest("textarea, select, button, a, summary")) {
       if (event.key === "Escape") this.player.stop();
       return;
     }
+    /** @type {Record<string, () => void>} */
     const acts = {
       " ": () => this.replay(), r: () => this.lastPhrase(), Escape: () => this.player.stop(),
       m: () => { find("mirror").checked = !find("mirror").checked; this.apply(); },
@@ -68,10 +73,12 @@ class Learner {
     this.player.cuer.forget();
   }
 
+  /** @param {string} text */
   say(text) {
     find("status").textContent = text;
   }
 
+  /** @param {string} name */
   view(name) {
     this.quiz += 1;
     this.player.stop();
@@ -91,12 +98,13 @@ class Learner {
     else this.still(1, "side");
   }
 
-  /** Stand still with a key. */
+  /** Stand still with a key. @param {number} shape @param {string} placement */
   still(shape, placement) {
     this.item = null;
     this.player.hold(this.player.model.target(shape, Object.keys(PLACES).indexOf(placement)));
   }
 
+  /** @param {PlayOptions} [options] */
   async play(options = {}) {
     find("stop").disabled = false;
     const end = await this.player.play(options);
@@ -104,7 +112,7 @@ class Learner {
     return end;
   }
 
-  /** Fetch an item and take it; `query` names it. Returns whether it was there. */
+  /** Fetch an item and take it; `query` names it. Returns whether it was there. @param {string} query */
   async fetchItem(query) {
     const turn = ++this.turn;
     try {
@@ -143,9 +151,9 @@ class Learner {
   /** Play the phrase that was being shown, or the one shown last, again. */
   lastPhrase() {
     if (!this.item) return;
-    const begun = this.item.phrases.filter((startS) => startS - BEFORE_S <= this.player.timeS - SLACK_S);
+    const begun = this.item.phrases.filter((/** @type {number} */ startS) => startS - BEFORE_S <= this.player.timeS - SLACK_S);
     const from = begun.length ? begun[begun.length - 1] : this.item.phrases[0];
-    const after = this.item.phrases.find((startS) => startS > from);
+    const after = this.item.phrases.find((/** @type {number} */ startS) => startS > from);
     this.play({ from: Math.max(0, from - BEFORE_S), until: after ? after - BEFORE_S / 2 : this.player.durationS });
   }
 
@@ -153,7 +161,7 @@ class Learner {
     const list = find("keys");
     list.textContent = "";
     this.shownNow = -1;
-    this.item.keys.forEach((key, i) => {
+    this.item.keys.forEach((/** @type {Key} */ key, /** @type {number} */ i) => {
       const entry = document.createElement("li");
       const button = document.createElement("button");
       const phones = document.createElement("b");
@@ -167,7 +175,7 @@ class Learner {
     });
   }
 
-  /** Repeat one key with the way to it. */
+  /** Repeat one key with the way to it. @param {number} index */
   loop(index) {
     const key = this.item.keys[index];
     this.play({ from: Math.max(0, key.start - BEFORE_S), until: Math.min(key.end + AFTER_S, this.player.durationS), loop: true });
@@ -176,7 +184,7 @@ class Learner {
   /** Mark the key that the hand shows. */
   showNow() {
     const { keys, now } = this.item ? this.player.cuer.keysAround(this.player.timeS, 0, 0) : { keys: [], now: -1 };
-    const at = now < 0 ? -1 : this.item.keys.findIndex((key) => key.start === keys[now].start);
+    const at = now < 0 ? -1 : this.item.keys.findIndex((/** @type {Key} */ key) => key.start === keys[now].start);
     if (at === this.shownNow) return;
     this.shownNow = at;
     [...find("keys").children].forEach((entry, i) => {
@@ -199,7 +207,7 @@ class Learner {
       const { choice } = await ask(find("doubles-box"), "Quel mot ?", words);
       if (quiz !== this.quiz) return;
       score += Number(choice === right);
-      const keys = this.item.keys.map((key) => `${key.phones.map(spelled).join("")} : ${key.shape}, ${PLACES[key.placement]}`).join(" ; ");
+      const keys = this.item.keys.map((/** @type {Key} */ key) => `${key.phones.map(spelled).join("")} : ${key.shape}, ${PLACES[key.placement]}`).join(" ; ");
       await this.next("doubles", choice === right ? `Oui, « ${words[right]} » (${keys}).` : `Non, c’était « ${words[right]} » (${keys}). Regardez encore.`);
       if (quiz !== this.quiz) return;
     }
@@ -231,7 +239,7 @@ class Learner {
     this.end("gestures", score, QUESTIONS);
   }
 
-  /** Say how it was and wait for the button that goes on. */
+  /** Say how it was and wait for the button that goes on. @param {string} name @param {string} text */
   next(name, text) {
     this.say(text);
     return new Promise((resolve) => {
@@ -244,6 +252,7 @@ class Learner {
     });
   }
 
+  /** @param {string} name @param {number} score @param {number} count */
   end(name, score, count) {
     find(`${name}-box`).textContent = "";
     find(`${name}-start`).hidden = false;
@@ -252,7 +261,7 @@ class Learner {
   }
 }
 
-/** The entries in random order. */
+/** The entries in random order. @param {any[]} list */
 function drawn(list) {
   const found = [...list];
   for (let i = found.length - 1; i > 0; i--) {

@@ -15,6 +15,7 @@ const STILL_FRAMES = 2;
 /**
  * A document of this server; its refusals become errors with their own words.
  * @param {any} [body] sent as JSON
+ * @param {string} path
  */
 export async function fetched(path, body = undefined) {
   const options = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
@@ -29,9 +30,13 @@ export async function fetched(path, body = undefined) {
 }
 
 export class Player {
-  /** `figure`: the element that holds the canvases `.points` and `.avatar`. */
+  /**
+   * `figure`: the element that holds the canvases `.points` and `.avatar`.
+   * @param {VoiceModel} model @param {Arrays|null} arrays @param {HTMLElement} figure
+   */
   constructor(model, arrays, figure) {
     this.model = model;
+    /** @param {string} name */
     const canvas = (name) => /** @type {HTMLCanvasElement} */ (figure.querySelector(name));
     this.cuer = new Cuer(model, arrays, { points: canvas(".points"), avatar: canvas(".avatar") });
     this.look = { opacity: 100, dot: 100, mirror: false, handOnly: false, contrast: "panel" };
@@ -45,19 +50,20 @@ export class Player {
     requestAnimationFrame((now) => this.tick(now));
   }
 
-  /** Fetch voice and avatar and build a player. */
+  /** Fetch voice and avatar and build a player. @param {HTMLElement} figure */
   static async open(figure) {
     const [voice, avatar] = await Promise.all(["/voice.json", "/avatar.bin"].map((path) => fetch(path)));
     const arrays = avatar.ok ? parseAvatar(await avatar.arrayBuffer()) : null;
     return new Player(new VoiceModel(await voice.json()), arrays, figure);
   }
 
-  /** Take the motion of an item, and its keys where they are known. */
+  /** Take the motion of an item, and its keys where they are known. @param {string} path @param {Key[]} [keys] */
   async load(path, keys = []) {
     const piece = parseMotion(await fetched(path));
     this.take(piece, keys);
   }
 
+  /** @param {Piece} piece @param {Key[]} [keys] */
   take(piece, keys = []) {
     this.stop();
     this.cuer.timeline.clear();
@@ -68,7 +74,7 @@ export class Player {
     this.timeS = 0;
   }
 
-  /** Show parameters that stand still. */
+  /** Show parameters that stand still. @param {Float64Array} params */
   hold(params) {
     const frames = new Float32Array(STILL_FRAMES * params.length);
     for (let i = 0; i < STILL_FRAMES; i++) frames.set(params, i * params.length);
@@ -100,6 +106,7 @@ export class Player {
     run.resolve({ whole: false, framesPerSecond: rate(run) });
   }
 
+  /** @param {number} now */
   tick(now) {
     requestAnimationFrame((next) => this.tick(next));
     const run = this.run;
@@ -108,6 +115,7 @@ export class Player {
     this.onTick(this.timeS);
   }
 
+  /** @param {any} run @param {number} now */
   advance(run, now) {
     if (Number.isNaN(run.startMs)) run.startMs = now;
     run.lengthMs = now - run.startMs;
@@ -128,6 +136,7 @@ export class Player {
   }
 }
 
+/** @param {{lengthMs: number, frames: number}} run */
 function rate(run) {
   return run.lengthMs > 0 ? (run.frames - 1) * 1000 / run.lengthMs : 0;
 }
@@ -137,6 +146,7 @@ function rate(run) {
  *
  * Digits choose too, and with two choices the left and right arrows. Time runs from the first
  * refresh that shows the choices.
+ * @param {HTMLElement} box @param {string} prompt @param {string[]} choices
  */
 export function ask(box, prompt, choices) {
   box.textContent = "";
@@ -151,6 +161,7 @@ export function ask(box, prompt, choices) {
   return new Promise((resolve) => {
     let shownMs = performance.now();
     requestAnimationFrame((now) => { shownMs = now; });
+    /** @param {number} choice */
     const done = (choice) => {
       const ms = Math.max(0, performance.now() - shownMs);
       document.removeEventListener("keydown", onKey);
@@ -158,6 +169,7 @@ export function ask(box, prompt, choices) {
       row.children[choice].classList.add("chosen");
       resolve({ choice, ms });
     };
+    /** @param {KeyboardEvent} event */
     const onKey = (event) => {
       if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
       const arrow = choices.length === 2 ? ["ArrowLeft", "ArrowRight"].indexOf(event.key) : -1;

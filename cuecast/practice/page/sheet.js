@@ -3,6 +3,7 @@
 import { fetched, Player } from "./player.js";
 import { PLACES, spelled } from "./spelling.js";
 
+/** @param {string} id */
 const find = (id) => /** @type {any} */ (document.getElementById(id));
 
 /** Left, top and size of the part that is printed, as shares of the whole picture. */
@@ -11,7 +12,7 @@ const CROP = [0.15, 0.13, 0.73];
 /** Width of a printed picture in pixels. */
 const WIDTH = 360;
 
-/** The parameters of a key's picture: the hand on its target, the face as in the middle of its last phone. */
+/** The parameters of a key's picture: the hand on its target, the face as in the middle of its last phone. @param {Player} player @param {Key} key */
 function picture(player, key) {
   const params = player.model.target(key.shape, Object.keys(PLACES).indexOf(key.placement));
   const spoken = new Float64Array(params.length);
@@ -26,6 +27,7 @@ async function draw() {
   find("text").textContent = text;
   find("print").onclick = () => window.print();
   const query = new URLSearchParams({ text }).toString();
+  /** @type {Item} */
   const { keys } = await fetched(`/item.json?${query}`);
   const player = await Player.open(find("figure"));
   await player.load(`/item.bin?${query}`);
@@ -38,7 +40,7 @@ async function draw() {
   find("status").textContent = "";
 }
 
-/** The part of a picture with head and hand, as an address. */
+/** The part of a picture with head and hand, as an address. @param {HTMLCanvasElement} drawn */
 function cropped(drawn) {
   const canvas = document.createElement("canvas");
   const [x, y, size] = CROP;
@@ -51,6 +53,7 @@ function cropped(drawn) {
   return canvas.toDataURL();
 }
 
+/** @param {Key} key @param {string} url */
 function cell(key, url) {
   const entry = document.createElement("li");
   const image = document.createElement("img");

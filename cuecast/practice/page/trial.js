@@ -2,6 +2,7 @@
 
 import { ask, fetched, Player } from "./player.js";
 
+/** @param {string} id */
 const find = (id) => /** @type {any} */ (document.getElementById(id));
 
 /** Silence with the cuer at rest before the first item, and between items, ms. */
@@ -10,21 +11,26 @@ const PAUSE_MS = 500;
 /** Choice that stands for a step which asks nothing. */
 const SEEN = -1;
 
+/** @param {number} ms */
 const wait = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
 
 class Test {
+  /** @param {Player} player */
   constructor(player) {
     this.player = player;
+    /** @type {Step["captions"]} */
     this.captions = [];
     player.onTick = (timeS) => this.showCaption(timeS);
   }
 
+  /** @param {number} timeS */
   showCaption(timeS) {
     const shown = this.captions.find(([start, end]) => start <= timeS && timeS < end);
     const text = shown ? shown[2] : "";
     if (find("captions").textContent !== text) find("captions").textContent = text;
   }
 
+  /** @param {Progress} progress */
   async run(progress) {
     find("welcome").hidden = true;
     find("screen").hidden = false;
@@ -38,7 +44,7 @@ class Test {
     find("thanks").querySelector("h1").focus();
   }
 
-  /** Show and ask the next step; returns the progress after its answer. */
+  /** Show and ask the next step; returns the progress after its answer. @param {string} code */
   async step(code) {
     const query = new URLSearchParams({ code }).toString();
     const step = await fetched(`/step.json?${query}`);
@@ -51,7 +57,7 @@ class Test {
     return fetched("/answer", { code, step: step.step, choice: answer.choice, answer_ms: answer.ms, frames_per_second: framesPerSecond });
   }
 
-  /** Show an item; returns how many pictures a second were drawn. */
+  /** Show an item; returns how many pictures a second were drawn. @param {Step} step @param {string} query */
   async show(step, query) {
     const drawn = step.display !== "none";
     find("screen").classList.remove("asking");
@@ -84,7 +90,7 @@ async function open() {
   }
   const test = new Test(await Player.open(find("figure")));
   find("begin").disabled = false;
-  find("start").addEventListener("submit", async (event) => {
+  find("start").addEventListener("submit", async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
     find("status").textContent = "";
     try {

@@ -6,7 +6,7 @@ const $movement = (() => {
  */
 
 class Movement {
-  /** @param model a `VoiceModel` */
+  /** @param model a `VoiceModel` @param {Model} model */
   constructor(model) {
     this.rules = model.rules;
     const { taps, step_s: step, hand_s: hand, mouth_s: mouth } = this.rules;
@@ -20,7 +20,10 @@ class Movement {
     this.mouth = new Float64Array(taps);
   }
 
-  /** What the rules add at `timeS`; `sample(timeS, out)` writes parameters, or returns 0 where none are known. */
+  /**
+   * What the rules add at `timeS`; `sample(timeS, out)` writes parameters, or returns 0 where none are known.
+   * @param {number} timeS @param {Sample} sample
+   */
   at(timeS, sample) {
     const { rules } = this;
     this.remember(timeS, sample);
@@ -42,7 +45,7 @@ class Movement {
     };
   }
 
-  /** Sample the two signals from `timeS` back; before the first known parameters those are held. */
+  /** Sample the two signals from `timeS` back; before the first known parameters those are held. @param {number} timeS @param {Sample} sample */
   remember(timeS, sample) {
     const { taps, step_s: step, signals } = this.rules;
     this.params.fill(0);
@@ -54,6 +57,7 @@ class Movement {
     }
   }
 
+  /** @param {number} t @param {number} accent @param {number} onset @param {number} end @param {number} lately */
   nod(t, accent, onset, end, lately) {
     const { nod: rule, resting_share: rest, head_waves: head } = this.rules;
     const share = rest + (1 - rest) * lately;
@@ -62,7 +66,7 @@ class Movement {
     return turn.map((x) => rule.most_rad * Math.tanh(x / rule.most_rad));
   }
 
-  /** The eyes' offset from the lens: still, then a jump, then still. */
+  /** The eyes' offset from the lens: still, then a jump, then still. @param {number} t @param {number} lately */
   fixation(t, lately) {
     const { fixation_s: slot, saccade_s: jump, wander_rad: [cueing, resting] } = this.rules;
     const at = t / slot;
@@ -70,19 +74,20 @@ class Movement {
     const late = slot * (at - number) - 0.5 * slot * chance(3 * number);
     const jumped = smooth(late / jump);
     return [1, 2].map((k, i) => {
+      /** @param {number} n */
       const place = (n) => (2 * chance(3 * n + k) - 1) ** 3;
       const still = (1 - jumped) * place(number - 1) + jumped * place(number);
       return still * (resting[i] + lately * (cueing[i] - resting[i]));
     });
   }
 
-  /** How far lids are closed `u` seconds after a blink began. */
+  /** How far lids are closed `u` seconds after a blink began. @param {number} u */
   lids(u) {
     const [closing, closed, opening] = this.rules.blink_s;
     return Math.min(smooth(u / closing), smooth((closing + closed + opening - u) / opening));
   }
 
-  /** How far the lids are closed, 0 to 1: by chance, and where the hand sinks. */
+  /** How far the lids are closed, 0 to 1: by chance, and where the hand sinks. @param {number} t */
   blink(t) {
     const { blink_slot_s: slot, blink_after_s: after, step_s: step } = this.rules;
     const number = Math.floor(t / slot);
@@ -101,7 +106,7 @@ class Movement {
     return shut;
   }
 
-  /** Weights of brows, lids and cheeks. */
+  /** Weights of brows, lids and cheeks. @param {number} t @param {number} accent @param {number} onset @param {number} lately */
   face(t, accent, onset, lately) {
     const { rules } = this;
     const [size, period, phase] = rules.knit_wave;
@@ -111,6 +116,7 @@ class Movement {
     const squint = clip(rules.squint[0] + rules.squint[1] * knit) * (1 - shut);
     const cheek = clip(rules.cheek_per_mm * Math.max(-accent, 0) + 0.3 * knit);
     const wide = clip(rules.wide_onset * onset) * (1 - shut);
+    /** @type {Record<string, number>} */
     const shapes = { browInnerUp: 0.6 * lift };
     for (const side of ["Left", "Right"]) {
       const own = { eyeBlink: rules.lids_rest + (1 - rules.lids_rest) * shut, browOuterUp: lift, browDown: knit, eyeSquint: squint, cheekSquint: cheek, eyeWide: wide };
@@ -120,7 +126,7 @@ class Movement {
   }
 }
 
-/** An evenly spread number, 0 to 1, that a whole number always gives. */
+/** An evenly spread number, 0 to 1, that a whole number always gives. @param {number} number */
 function chance(number) {
   let x = number >>> 0;
   x = Math.imul(x ^ (x >>> 16), 0x21f0aaad) >>> 0;
@@ -128,10 +134,14 @@ function chance(number) {
   return ((x ^ (x >>> 15)) >>> 0) / 4294967296;
 }
 
+/** @param {number} x */
 const clip = (x) => Math.max(0, Math.min(1, x));
+/** @param {number[]} weights @param {Float64Array} values */
 const dot = (weights, values) => weights.reduce((sum, weight, i) => sum + weight * values[i], 0);
+/** @param {number} t @param {Wave[]} list */
 const waves = (t, list) => list.reduce((sum, [size, period, phase]) => sum + size * Math.sin(2 * Math.PI * (t / period + phase)), 0);
 
+/** @param {number} x */
 function smooth(x) {
   const part = clip(x);
   return part * part * (3 - 2 * part);
@@ -153,6 +163,7 @@ const CLEARANCE_MM = 1.4;
 const RAMP_MM = 2;
 
 class Mouth {
+  /** @param {Arrays} arrays */
   constructor(arrays) {
     this.rings = arrays.mouth_rings;
     this.upper = arrays.mouth_upper;
@@ -169,7 +180,7 @@ class Mouth {
     this.overlap = new Float64Array(this.upper.length);
   }
 
-  /** Correct the coarse mesh (x, y, z of each vertex), in place. */
+  /** Correct the coarse mesh (x, y, z of each vertex), in place. @param {Float32Array} control */
   solve(control) {
     const { rings, columns, pressed } = this;
     this.level(control);
@@ -187,13 +198,15 @@ class Mouth {
     }
   }
 
-  /** Take the heights of the edge; those of the lower lip level where it bulges. */
+  /** Take the heights of the edge; those of the lower lip level where it bulges. @param {Float32Array} control */
   level(control) {
     const { rings, columns, lower, heights, pressed } = this;
+    /** @param {number} column @param {number} axis */
     const place = (column, axis) => control[3 * rings[EDGE * columns + column] + axis];
     for (let c = 0; c < columns; c++) heights[c] = place(c, 1);
     const [first, last] = [lower[0], lower[lower.length - 1]];
     const slope = (heights[last] - heights[first]) / (place(last, 0) - place(first, 0));
+    /** @param {number} column */
     const above = (column) => place(column, 1) - heights[first] - slope * (place(column, 0) - place(first, 0));
     let most = 0;
     for (const column of lower) most = Math.max(most, above(column));
@@ -205,6 +218,7 @@ class Mouth {
   /** Move the heights of the edge so that the lips meet and do not overlap. */
   part() {
     const { columns, upper, lower, beside, between, pressed, heights, overlap } = this;
+    /** @param {number} i */
     const below = (i) => heights[lower[beside[i]]] + between[i] * (heights[lower[beside[i] + 1]] - heights[lower[beside[i]]]);
     for (let i = 0; i < upper.length; i++) overlap[i] = Math.max(below(i) - heights[upper[i]], 0);
     for (let k = 0; k < lower.length; k++) {
@@ -216,7 +230,7 @@ class Mouth {
     for (let c = 0; c < columns; c++) pressed[c] += heights[c];
   }
 
-  /** Hold a vertex of the lips in front of both rows of teeth. */
+  /** Hold a vertex of the lips in front of both rows of teeth. @param {Float32Array} control @param {number} at */
   clear(control, at) {
     const { arch, jaw, jawRest } = this;
     for (let row = 0; row < 2; row++) {
@@ -243,16 +257,17 @@ const $points = (() => {
  */
 
 class PointLights {
+  /** @param {HTMLCanvasElement} canvas @param {Model} model */
   constructor(canvas, model) {
     this.canvas = canvas;
-    this.context = canvas.getContext("2d");
+    this.context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     this.model = model;
     this.order = Array.from(model.markers, (_, i) => i);
     this.xy = new Float64Array(2 * model.markers.length);
     this.scale = new Float64Array(model.markers.length);
   }
 
-  /** Draw `markers` (3 numbers each); `look`: {alpha, mirror, handOnly, contrast, dot}. */
+  /** Draw `markers` (3 numbers each); `look`: {alpha, mirror, handOnly, contrast, dot}. @param {Numbers} markers @param {Look} look */
   draw(markers, look) {
     const { canvas, context } = this;
     fit(canvas);
@@ -272,7 +287,11 @@ class PointLights {
     }
   }
 
-  /** Colours with the markers that have them; the hand is drawn over the face. */
+  /**
+   * Colours with the markers that have them; the hand is drawn over the face.
+   * @param {Look} look
+   * @returns {[string, (i: number) => boolean][]}
+   */
   groups(look) {
     const n = this.model.faceCount;
     const face = look.contrast === "strong" ? "#ffffff" : "#eef0f6";
@@ -280,6 +299,7 @@ class PointLights {
     return [[face, (i) => i < n], [hand, (i) => i >= n]];
   }
 
+  /** @param {number[]} order @param {{handOnly: boolean, wanted?: (i: number) => boolean}} look @param {number} radius */
   discs(order, { handOnly, wanted }, radius) {
     const { context, xy, scale } = this;
     context.beginPath();
@@ -292,6 +312,7 @@ class PointLights {
     context.fill();
   }
 
+  /** @param {Numbers} markers @param {boolean} mirror */
   project(markers, mirror) {
     const { centre, height_mm, distance_mm } = this.model.camera;
     const { width, height } = this.canvas;
@@ -306,7 +327,7 @@ class PointLights {
   }
 }
 
-/** Give the canvas as many pixels as the screen shows of it. */
+/** Give the canvas as many pixels as the screen shows of it. @param {HTMLCanvasElement} canvas */
 function fit(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
@@ -454,6 +475,7 @@ void main() {
 /**
  * A shader in WebGL 2's language, where what varies is read inside the triangle (`centroid`): at the
  * edge of a thin one, a value read at the pixel's middle lies outside it, and shows as a dark speck.
+ * @param {string} source @param {boolean} isVertex
  */
 function modern(source, isVertex) {
   const changed = source.replace(/varying /g, isVertex ? "centroid out " : "centroid in ")
@@ -461,40 +483,43 @@ function modern(source, isVertex) {
   return `#version 300 es\n${isVertex ? "" : "precision highp float;\nout vec4 shown;\n"}${changed}`;
 }
 
-/** Compile a program; `handle`, and its attributes and uniforms by name. */
+/** Compile a program; `handle`, and its attributes and uniforms by name. @param {GL} gl @param {string} vertex @param {string} fragment */
 function link(gl, vertex, fragment) {
   const handle = gl.createProgram();
-  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(type);
+  for (const isVertex of [true, false]) {
+    const source = isVertex ? vertex : fragment;
+    const shader = /** @type {WebGLShader} */ (gl.createShader(isVertex ? gl.VERTEX_SHADER : gl.FRAGMENT_SHADER));
     const hasCentroid = typeof WebGL2RenderingContext !== "undefined" && gl instanceof WebGL2RenderingContext;
-    gl.shaderSource(shader, hasCentroid ? modern(source, type === gl.VERTEX_SHADER) : source);
+    gl.shaderSource(shader, hasCentroid ? modern(source, isVertex) : source);
     gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader) || "shader");
     gl.attachShader(handle, shader);
   }
   gl.linkProgram(handle);
-  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
+  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle) || "program");
+  /** @param {number} count @param {"getActiveAttrib"|"getActiveUniform"} active @param {"getAttribLocation"|"getUniformLocation"} find */
   const collect = (count, active, find) => Object.fromEntries(
     Array.from({ length: gl.getProgramParameter(handle, count) }, (_, i) => {
-      const name = gl[active](handle, i).name.replace("[0]", "");
+      const name = /** @type {WebGLActiveInfo} */ (gl[active](handle, i)).name.replace("[0]", "");
       return [name, gl[find](handle, name)];
     }),
   );
   return {
     handle,
-    attributes: collect(gl.ACTIVE_ATTRIBUTES, "getActiveAttrib", "getAttribLocation"),
-    uniforms: collect(gl.ACTIVE_UNIFORMS, "getActiveUniform", "getUniformLocation"),
+    attributes: /** @type {Record<string, number>} */ (collect(gl.ACTIVE_ATTRIBUTES, "getActiveAttrib", "getAttribLocation")),
+    uniforms: /** @type {Record<string, WebGLUniformLocation | null>} */ (collect(gl.ACTIVE_UNIFORMS, "getActiveUniform", "getUniformLocation")),
   };
 }
 
 /** The programs of an avatar, and the shadow's map. */
 class Shading {
-  /** `arrays` of the avatar's document; `heightMm` of the camera's picture. */
+  /** `arrays` of the avatar's document; `heightMm` of the camera's picture. @param {GL} gl @param {Arrays} arrays @param {number} heightMm */
   constructor(gl, arrays, heightMm) {
     this.gl = gl;
     const [side, texelMm, ...weights] = arrays.shadow;
     this.side = side;
-    const fill = (text) => text.replaceAll("TAPS", weights.length).replaceAll("SIDE", `${side}.0`).replace("HEIGHT", heightMm.toFixed(3));
+    /** @param {string} text */
+    const fill = (text) => text.replaceAll("TAPS", String(weights.length)).replaceAll("SIDE", `${side}.0`).replace("HEIGHT", heightMm.toFixed(3));
     this.skin = link(gl, fill(SKIN_VERTEX), fill(SKIN_FRAGMENT));
     this.cast = link(gl, CAST_VERTEX, CAST_FRAGMENT);
     this.blur = link(gl, BLUR_VERTEX, fill(BLUR_FRAGMENT));
@@ -513,7 +538,7 @@ class Shading {
     this.maps = [this.target(true), this.target(false)];
   }
 
-  /** A texture to be drawn into. */
+  /** A texture to be drawn into. @param {boolean} withDepth */
   target(withDepth) {
     const { gl, side } = this;
     const texture = gl.createTexture();
@@ -535,7 +560,7 @@ class Shading {
     return { texture, buffer };
   }
 
-  /** Make the shadow's map; `draw(program)` draws what casts it. */
+  /** Make the shadow's map; `draw(program)` draws what casts it. @param {(program: Program) => void} draw */
   castShadow(draw) {
     const { gl, side, maps, blur } = this;
     gl.viewport(0, 0, side, side);
@@ -573,7 +598,7 @@ const $model = (() => {
  * P3DF and P3DH give them (Gibert, Bailly, Elisei 2004, section 3) and as `codec.voice` computes them.
  */
 
-/** Decode base64 of little-endian float64. */
+/** Decode base64 of little-endian float64. @param {string} encoded */
 function matrix(encoded) {
   const text = atob(encoded);
   const bytes = new Uint8Array(text.length);
@@ -581,7 +606,10 @@ function matrix(encoded) {
   return new Float64Array(bytes.buffer);
 }
 
-/** out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row. */
+/**
+ * out = mean + x * axes, x at `offset` of params, axes (n, out.length) row by row.
+ * @param {Numbers} mean @param {Numbers} axes @param {Numbers} params @param {number} offset @param {Float64Array} out
+ */
 function affine(mean, axes, params, offset, out) {
   const width = out.length;
   const n = axes.length / width;
@@ -592,7 +620,10 @@ function affine(mean, axes, params, offset, out) {
   }
 }
 
-/** Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues. */
+/**
+ * Rotation matrix (row by row, 9 numbers) of the rotation vector `x, y, z` in radians: Rodrigues.
+ * @param {number} x @param {number} y @param {number} z @param {Float64Array} out
+ */
 function rotation(x, y, z, out) {
   const squared = x * x + y * y + z * z;
   const angle = Math.sqrt(squared);
@@ -610,7 +641,11 @@ function rotation(x, y, z, out) {
   return out;
 }
 
-/** Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`. */
+/**
+ * Turn x, y, z by `r`, then add the translation and the pivot, into `to[j..j+2]`.
+ * @param {Numbers} r @param {number} x @param {number} y @param {number} z @param {number} tx @param {number} ty
+ * @param {number} tz @param {Numbers} pivot @param {Float64Array} to @param {number} j
+ */
 function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
   to[j] = r[0] * x + r[1] * y + r[2] * z + tx + pivot[0];
   to[j + 1] = r[3] * x + r[4] * y + r[5] * z + ty + pivot[1];
@@ -618,7 +653,7 @@ function move(r, x, y, z, tx, ty, tz, pivot, to, j) {
 }
 
 class VoiceModel {
-  /** Build from the document of `/voice.json`. */
+  /** Build from the document of `/voice.json`. @param {VoiceDocument} document */
   constructor(document) {
     this.identity = document.identity;
     this.layout = document.layout;
@@ -634,6 +669,7 @@ class VoiceModel {
     this.hand = decoded(document.hand);
     this.faceCount = document.face_markers;
     this.handCount = this.markers.length - this.faceCount;
+    /** @param {string} prefix */
     const count = (prefix) => this.layout.filter((name) => name.startsWith(prefix)).length;
     this.offsets = { face: 0, hand: count("face."), head: 0, forearm: 0 };
     this.offsets.head = this.offsets.hand + count("hand.");
@@ -647,7 +683,10 @@ class VoiceModel {
     this.r = new Float64Array(9);
   }
 
-  /** The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest. */
+  /**
+   * The parameters of a hand that holds a key: numbers of shape and placement; the head is at rest.
+   * @param {number} shape @param {number} placement
+   */
   target(shape, placement) {
     const { shapes, forearms, head } = this.gestures;
     const { hand, head: headAt, forearm } = this.offsets;
@@ -660,13 +699,14 @@ class VoiceModel {
     return params;
   }
 
-  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). */
+  /** Write x, y, z of all markers, face then hand, into `out` (3 numbers a marker). @param {Float64Array} params @param {Float64Array} out */
   reconstruct(params, out) {
     this.reconstructFace(params, out);
     this.reconstructHand(params, out);
     return out;
   }
 
+  /** @param {Float64Array} params @param {Float64Array} out */
   reconstructFace(params, out) {
     const { mean, directions, pivot, motion_mean, motion_directions, weights } = this.face;
     const { headMotion: m, faceShape: p, r } = this;
@@ -681,6 +721,7 @@ class VoiceModel {
     }
   }
 
+  /** @param {Float64Array} params @param {Float64Array} out */
   reconstructHand(params, out) {
     const { angle_mean, angle_directions, regression, pivot, motion_mean, motion_directions } = this.hand;
     const { handMotion: m, handShape: p, angles, r } = this;
@@ -703,7 +744,9 @@ class VoiceModel {
   }
 }
 
+/** @param {Words} arrays */
 function decoded(arrays) {
+  /** @type {Matrices} */
   const out = {};
   for (const name of Object.keys(arrays)) out[name] = matrix(arrays[name]);
   return out;
@@ -726,7 +769,9 @@ const NEAR_MM = 12;
 const FAR_MM = 120;
 
 class Skeleton {
+  /** @param {Arrays} arrays */
   constructor(arrays) {
+    /** @param {string} name */
     const three = (name) => [0, 3].map((k) => Array.from(arrays[name].subarray(k, k + 3)));
     this.vertices = arrays.joint_vertices;
     this.weights = arrays.joint_weights;
@@ -738,7 +783,7 @@ class Skeleton {
     this.factors = arrays.joint_factors;
   }
 
-  /** Motions and joints for the pose that `model` has just reconstructed, with what the rules add. */
+  /** Motions and joints for the pose that `model` has just reconstructed, with what the rules add. @param {Model} model @param {Added} added */
   solve(model, added) {
     const { rules, hand, face } = model;
     const head = mapOf(model.headMotion);
@@ -751,8 +796,8 @@ class Skeleton {
     const follow = elbow.map((x, i) => (x - this.elbow[i]) * rules.shoulder[i]);
     const most = rules.shoulder_most_mm;
     const factor = most / Math.sqrt(most * most + follow.reduce((sum, x) => sum + x * x, 0));
-    const [right, shoulder] = collar(this.roots[0], this.shoulders[0], follow.map((x, i) => factor * x + lift[i]));
-    const [left] = collar(this.roots[1], this.shoulders[1], lift);
+    const { map: right, place: shoulder } = collar(this.roots[0], this.shoulders[0], follow.map((x, i) => factor * x + lift[i]));
+    const { map: left } = collar(this.roots[1], this.shoulders[1], lift);
     const upper = bone(this.shoulders[0], this.elbow, shoulder, elbow);
     const gaze = [added.gaze[0] - turned[1], added.gaze[1] + turned[0]];
     const up = rules.lids_per_rad * gaze[1];
@@ -769,7 +814,7 @@ class Skeleton {
     };
   }
 
-  /** How far a finger tip is shifted, head at rest, where this head's places lie elsewhere. */
+  /** How far a finger tip is shifted, head at rest, where this head's places lie elsewhere. @param {number[]} tip */
   reach(tip) {
     const { places, factors } = this;
     const shift = [0, 0, 0];
@@ -783,7 +828,7 @@ class Skeleton {
     return shift.map((x) => x / total);
   }
 
-  /** Move control vertices by the maps of the joints, in place. */
+  /** Move control vertices by the maps of the joints, in place. @param {Float32Array} control @param {RigidMap[]} joints */
   bend(control, joints) {
     const { vertices, weights } = this;
     for (let i = 0; i < vertices.length; i++) {
@@ -803,17 +848,21 @@ class Skeleton {
   }
 }
 
-/** The head's motion about its pivot, with a turn about the top of the neck. */
+/** The head's motion about its pivot, with a turn about the top of the neck. @param {Model} model @param {RigidMap} head @param {number[]} nod */
 function nodded(model, head, nod) {
   const neck = model.rules.neck_mm.map((x, i) => x - model.face.pivot[i]);
   return compose(about(neck, nod, [0, 0, 0]), head);
 }
 
-/** The hand's map in the world after it followed the skin at which it points. */
+/**
+ * The hand's map in the world after it followed the skin at which it points.
+ * @param {Model} model @param {number[]} turn @param {number[]} shift @param {(tip: number[]) => number[]} reach
+ */
 function carried(model, turn, shift, reach) {
   const { hand, handMotion, headMotion, markers, handShape, faceCount, rules, face } = model;
   const before = mapOf(handMotion);
   before.shift = before.shift.map((x, i) => x + hand.pivot[i]);
+  /** @param {string} name */
   const place = (name) => {
     const j = 3 * (markers.indexOf(name) - faceCount);
     return apply(before, Array.from(handShape.subarray(j, j + 3)));
@@ -823,6 +872,7 @@ function carried(model, turn, shift, reach) {
   const far = tips.map((tip) => Math.hypot(...tip.map((x, i) => x - wrist[i])) ** POINTING);
   const tip = tips[0].map((x, i) => (far[0] * x + far[1] * tips[1][i]) / (far[0] + far[1]));
   const [w, v] = [1, 2].map((k) => interpolate(tip[1], rules.throat, k));
+  /** @param {number[]} r @param {number[]} s */
   const share = (r, s) => about(face.pivot, r.map((x) => w * x), s.map((x) => v * x));
   const old = share(Array.from(headMotion.subarray(0, 3)), Array.from(headMotion.subarray(3, 6)));
   const away = inverse(old);
@@ -831,6 +881,7 @@ function carried(model, turn, shift, reach) {
   return compose(compose(share(turn, shift), still), before);
 }
 
+/** @param {number} x @param {number[][]} table @param {number} column */
 function interpolate(x, table, column) {
   if (x <= table[0][0]) return table[0][column];
   for (let i = 1; i < table.length; i++) {
@@ -840,15 +891,21 @@ function interpolate(x, table, column) {
   return table[table.length - 1][column];
 }
 
-/** The map of a collar bone whose end moves by about `moved`, and where its end is. */
+/**
+ * The map of a collar bone whose end moves by about `moved`, and where its end is.
+ * @param {number[]} root @param {number[]} end @param {number[]} moved
+ */
 function collar(root, end, moved) {
   const way = end.map((x, i) => x + moved[i] - root[i]);
   const factor = Math.hypot(...end.map((x, i) => x - root[i])) / Math.hypot(...way);
   const place = way.map((x, i) => root[i] + factor * x);
-  return [bone(root, end, root, place), place];
+  return { map: bone(root, end, root, place), place };
 }
 
-/** The map of a bone: turned the short way and stretched along its axis. */
+/**
+ * The map of a bone: turned the short way and stretched along its axis.
+ * @param {number[]} start @param {number[]} end @param {number[]} newStart @param {number[]} newEnd
+ */
 function bone(start, end, newStart, newEnd) {
   const before = end.map((x, i) => x - start[i]);
   const after = newEnd.map((x, i) => x - newStart[i]);
@@ -869,37 +926,41 @@ function bone(start, end, newStart, newEnd) {
   return { turn: linear, shift: newStart.map((value, i) => value - moved[i]) };
 }
 
+/** @param {Numbers} motion */
 function mapOf(motion) {
   return { turn: rotation(motion[0], motion[1], motion[2], new Float64Array(9)), shift: [motion[3], motion[4], motion[5]] };
 }
 
-/** A rotation about `pivot` and a shift, as a map about the origin. */
+/** A rotation about `pivot` and a shift, as a map about the origin. @param {Numbers} pivot @param {number[]} vector @param {number[]} shift */
 function about(pivot, vector, shift) {
   const turn = rotation(vector[0], vector[1], vector[2], new Float64Array(9));
   const moved = apply({ turn, shift: [0, 0, 0] }, pivot);
   return { turn, shift: shift.map((x, i) => x + pivot[i] - moved[i]) };
 }
 
+/** @param {RigidMap} map @param {Numbers} point */
 function apply({ turn: r, shift: s }, point) {
   const [x, y, z] = point;
   return [0, 3, 6].map((k, i) => r[k] * x + r[k + 1] * y + r[k + 2] * z + s[i]);
 }
 
+/** @param {Numbers} a @param {Numbers} b */
 function times(a, b) {
   return [0, 3, 6].flatMap((i) => [0, 1, 2].map((j) => a[i] * b[j] + a[i + 1] * b[j + 3] + a[i + 2] * b[j + 6]));
 }
 
-/** The map that does `before`, then `after`. */
+/** The map that does `before`, then `after`. @param {RigidMap} after @param {RigidMap} before */
 function compose(after, before) {
   return { turn: times(after.turn, before.turn), shift: apply(after, before.shift) };
 }
 
+/** @param {RigidMap} map */
 function inverse({ turn: r, shift }) {
   const turn = [0, 1, 2].flatMap((i) => [r[i], r[i + 3], r[i + 6]]);
   return { turn, shift: apply({ turn, shift: [0, 0, 0] }, shift).map((x) => -x) };
 }
 
-/** Rotation vector of a matrix; angles stay well below a half turn. */
+/** Rotation vector of a matrix; angles stay well below a half turn. @param {Numbers} r */
 function vectorOf(r) {
   const axis = [r[7] - r[5], r[2] - r[6], r[3] - r[1]];
   const sine = Math.hypot(...axis) / 2;
@@ -925,14 +986,16 @@ const { fit } = $points;
 const { Shading } = $shading;
 const { Skeleton } = $skeleton;
 
+/** @type {Record<string, any>} */
 const KINDS = { f4: Float32Array, i2: Int16Array, u2: Uint16Array, u1: Uint8Array };
 const SHARE_UNIT = 252;
 const OFFSET_UNIT = 256;
 const ORIGIN = [0, 0, 0];
-/** Decode `/avatar.bin`: `{name: typed array}`. */
+/** Decode `/avatar.bin`: `{name: typed array}`. @param {ArrayBuffer} buffer */
 function parseAvatar(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  /** @type {Arrays} */
   const arrays = {};
   for (const [name, kind, offset, size] of header) arrays[name] = new KINDS[kind](buffer, 4 + length + offset, size);
   return arrays;
@@ -951,7 +1014,9 @@ class Surface {
   isMoving = new Uint8Array();
   movingTriangles = new Uint16Array();
 
+  /** @param {Arrays} arrays @param {string} prefix */
   constructor(arrays, prefix) {
+    /** @param {string} name */
     const part = (name) => arrays[`${prefix}_${name}`];
     this.markers = part("markers");
     this.rest = part("rest");
@@ -969,6 +1034,7 @@ class Surface {
     this.position = new Float32Array(3 * this.count);
     this.normal = new Float32Array(3 * this.count);
     this.weight = new Float64Array(this.rank);
+    /** @type {Record<string, {vertices: TypedArray, deltas: TypedArray}>} */
     this.shapes = {};
     if (prefix === "head") {
       this.mouth = new Mouth(arrays);
@@ -994,6 +1060,7 @@ class Surface {
     if (this.skeleton) for (const vertex of this.skeleton.vertices) moves[vertex] = 1;
     // Shapes add to what is there: every vertex that anything moves begins again at rest.
     this.changing = Uint32Array.from(moves.keys()).filter((i) => moves[i]);
+    /** @param {number} i */
     const carried = (i) => moves[this.sources[3 * i]] || moves[this.sources[3 * i + 1]] || moves[this.sources[3 * i + 2]];
     this.isMoving = Uint8Array.from({ length: this.count }, (_, i) => (carried(i) ? 1 : 0));
     this.moving = Uint32Array.from(this.isMoving.keys()).filter((i) => this.isMoving[i]);
@@ -1008,6 +1075,8 @@ class Surface {
   /**
    * Bend the surface to `markers` (before their rigid motion), by blend shapes `{name: weight}`,
    * the eyes' `gaze`, radians to the viewer's right and up, and the maps of the joints.
+   * @param {Numbers} markers @param {Record<string, number>} [weights] @param {number[]} [gaze]
+   * @param {RigidMap[]|null} [joints]
    */
   bend(markers, weights = {}, gaze = [0, 0], joints = null) {
     const { weight, rank, coefficients, basis, rest, control, movingControl } = this;
@@ -1042,7 +1111,7 @@ class Surface {
     this.turnNormals(this.movingTriangles, this.isMoving);
   }
 
-  /** Turn the eyeballs; a ball keeps its normals. */
+  /** Turn the eyeballs; a ball keeps its normals. @param {number[]} gaze */
   turnEyes(gaze) {
     const [yaw, pitch] = gaze;
     const { position, eyes } = this;
@@ -1064,7 +1133,7 @@ class Surface {
     }
   }
 
-  /** Place the vertices of the surface over the coarse mesh. */
+  /** Place the vertices of the surface over the coarse mesh. @param {Iterable<number>} which */
   refine(which) {
     const { control, sources, shares, offsets, position } = this;
     for (const i of which) {
@@ -1081,7 +1150,7 @@ class Surface {
     }
   }
 
-  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). */
+  /** Sum the area vectors of `triangles` at those of their corners that are `wanted` (1 or 0). @param {Numbers} triangles @param {Numbers} wanted */
   turnNormals(triangles, wanted) {
     const { position: p, normal } = this;
     for (let i = 0, j = 0; j < normal.length; i++, j += 3) {
@@ -1131,19 +1200,20 @@ class AvatarView {
   /** @type {any} */
   hand;
 
-  /** Build on a canvas; throws where WebGL is missing. */
+  /** Build on a canvas; throws where WebGL is missing. @param {HTMLCanvasElement} canvas @param {Model} model @param {Arrays} arrays */
   constructor(canvas, model, arrays) {
     this.canvas = canvas;
     this.model = model;
     const wish = { alpha: true, antialias: true, premultipliedAlpha: true };
-    this.gl = canvas.getContext("webgl2", wish) || canvas.getContext("webgl", wish);
-    if (!this.gl) throw new Error("WebGL is missing");
+    const gl = /** @type {GL | null} */ (canvas.getContext("webgl2", wish) || canvas.getContext("webgl", wish));
+    if (!gl) throw new Error("WebGL is missing");
+    this.gl = gl;
     this.movement = new Movement(model);
-    this.shading = new Shading(this.gl, arrays, model.camera.height_mm);
+    this.shading = new Shading(gl, arrays, model.camera.height_mm);
     this.wear(arrays);
   }
 
-  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. */
+  /** Draw the surfaces of another look of the same cuer from now on; those before leave the graphics memory. @param {Arrays} arrays */
   wear(arrays) {
     const before = this.head ? [...this.head.buffers, ...this.hand.buffers] : [];
     this.head = this.upload(new Surface(arrays, "head"), arrays.head_weights);
@@ -1151,6 +1221,7 @@ class AvatarView {
     for (const buffer of before) this.gl.deleteBuffer(buffer);
   }
 
+  /** @param {Surface} surface @param {TypedArray|null} weights */
   upload(surface, weights) {
     const { gl } = this;
     const count = surface.count;
@@ -1162,7 +1233,9 @@ class AvatarView {
       extra[3 * i + 1] = weights ? weights[2 * i] : 1;
       extra[3 * i + 2] = weights ? weights[2 * i + 1] : 1;
     }
+    /** @type {WebGLBuffer[]} */
     const buffers = [];
+    /** @param {number} target @param {AllowSharedBufferSource} data @param {number} usage */
     const buffer = (target, data, usage) => {
       const made = gl.createBuffer();
       buffers.push(made);
@@ -1187,6 +1260,7 @@ class AvatarView {
   /**
    * Draw the model as it was last reconstructed; `look`: {alpha, mirror, handOnly}. Face and trunk
    * move by the parameters of the seconds before: `sample(timeS, out)` writes those.
+   * @param {number} timeS @param {Look} look @param {Sample} sample
    */
   draw(timeS, look, sample) {
     const { gl, canvas, model, head, hand, shading } = this;
@@ -1231,7 +1305,7 @@ class AvatarView {
     }
   }
 
-  /** Set the part to be drawn: its place and its vertices. */
+  /** Set the part to be drawn: its place and its vertices. @param {Program} program @param {Uploaded} part @param {number[]} frame */
   choosePart(program, part, frame) {
     const { gl, model, pose } = this;
     // The face model keeps its points in the world, the hand model about its pivot.
@@ -1241,6 +1315,7 @@ class AvatarView {
     const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
     const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
+    /** @param {"position" | "normal" | "colour" | "extra"} name @param {number} size @param {number} type @param {boolean} normalised */
     const bind = (name, size, type, normalised) => {
       if (program.attributes[name] === undefined) return;
       gl.bindBuffer(gl.ARRAY_BUFFER, part[name]);
@@ -1254,15 +1329,18 @@ class AvatarView {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, part.index);
   }
 
+  /** @param {Indices} range */
   drawPart(range) {
     const [first, count] = range;
     this.gl.drawElements(this.gl.TRIANGLES, count, this.gl.UNSIGNED_SHORT, 2 * first);
   }
 }
 
-/** Corners of the opaque triangles, and of those with a transparent corner, in their order. */
+/** Corners of the opaque triangles, and of those with a transparent corner, in their order. @param {Surface} surface */
 function sortTriangles({ triangles, colours }) {
+  /** @type {number[]} */
   const opaque = [];
+  /** @type {number[]} */
   const clear = [];
   for (let t = 0; t < triangles.length; t += 3) {
     const corners = triangles.subarray(t, t + 3);
@@ -1290,8 +1368,10 @@ const USUAL_REFRESH_MS = 1000 / 60;
 const FASTEST_REFRESH_MS = 4;
 
 class ProgrammeClock {
+  /** @param {HTMLVideoElement} video */
   constructor(video) {
     this.video = video;
+    /** @type {{mediaS: number, shownMs: number} | null} */
     this.frame = null;
     this.distanceS = 0;
     this.refreshMs = USUAL_REFRESH_MS;
@@ -1299,7 +1379,7 @@ class ProgrammeClock {
     for (const name of ["seeking", "pause", "ratechange", "emptied"]) {
       video.addEventListener(name, () => this.forget());
     }
-    if (video.requestVideoFrameCallback) this.follow();
+    if ("requestVideoFrameCallback" in video) this.follow();
   }
 
   forget() {
@@ -1316,7 +1396,7 @@ class ProgrammeClock {
     });
   }
 
-  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. */
+  /** Media time in seconds for what is drawn at `nowMs`, the page's time of this refresh. @param {number} nowMs */
   at(nowMs) {
     const { video, frame } = this;
     const step = nowMs - this.beforeMs;
@@ -1337,6 +1417,7 @@ return { ProgrammeClock };
 const $keys = (() => {
 /** The numbers of hand placements, as `codec.score.PLACEMENTS` orders them. */
 
+/** @type {Record<string, number>} */
 const PLACEMENT_NUMBER = { rest: 0, side: 1, mouth: 2, chin: 3, cheek: 4, throat: 5 };
 
 /**
@@ -1361,8 +1442,10 @@ const REST = { shape: 0, placement: "rest", leave: LONG_AGO_S, reach: LONG_AGO_S
  *
  * The rule of `codec.superframe.resynthesis.movements`; `movement` has the voice's constants of
  * `codec.cuer.movement` and `places`, where its hand is for each key, mm.
+ * @param {Key[]} keys @param {HandMovement} movement
  */
 function strokesTo(keys, movement) {
+  /** @type {Stroke[]} */
   const strokes = [];
   let last = REST;
   keys.forEach((key, i) => {
@@ -1380,7 +1463,7 @@ function strokesTo(keys, movement) {
   return strokes;
 }
 
-/** When the hand begins to show the key of a stroke, seconds: it runs ahead of the lips. */
+/** When the hand begins to show the key of a stroke, seconds: it runs ahead of the lips. @param {Stroke} stroke @param {Stroke} [before] */
 function shownFrom(stroke, before = REST) {
   const turns = stroke.shape !== before.shape;
   const goes = stroke.placement !== before.placement;
@@ -1388,12 +1471,13 @@ function shownFrom(stroke, before = REST) {
   return stroke.leave + share * (stroke.reach - stroke.leave);
 }
 
-/** When the hand shows a key no more, if it goes to rest after it, seconds. */
+/** When the hand shows a key no more, if it goes to rest after it, seconds. @param {Key} key @param {Stroke} stroke @param {HandMovement} movement */
 function shownUntil(key, stroke, movement) {
   const rest = strokeToRest(key, stroke, Infinity, movement);
   return rest.leave + GONE * (rest.reach - rest.leave);
 }
 
+/** @param {number} apart @param {number} way @param {HandMovement} movement */
 function leadOf(apart, way, movement) {
   const quick = Math.min(apart, movement.hurried_s);
   const most = movement.most_lead_s + movement.lead_s_per_mm * way;
@@ -1401,6 +1485,7 @@ function leadOf(apart, way, movement) {
   return Math.max(Math.min(lead, most), movement.least_lead_s);
 }
 
+/** @param {Key} key @param {Stroke} last @param {number} leave @param {number} target @param {number} way @param {HandMovement} movement */
 function strokeTo({ shape, placement }, last, leave, target, way, movement) {
   const least = 1.875 * way / (1000 * movement.fastest_m_s);
   leave = Math.max(Math.min(leave, target - least), freeAfter(last, movement));
@@ -1408,16 +1493,19 @@ function strokeTo({ shape, placement }, last, leave, target, way, movement) {
   return { shape, placement, leave, reach: Math.max(target, late, leave + movement.shortest_s) };
 }
 
+/** @param {Key} key @param {Stroke} last @param {number} until @param {HandMovement} movement */
 function strokeToRest(key, last, until, movement) {
   const leave = Math.max(key.end + movement.rest_delay_s, freeAfter(last, movement));
   const reach = Math.max(Math.min(leave + movement.rest_move_s, until), leave + movement.shortest_s);
   return { ...REST, leave, reach };
 }
 
+/** @param {Stroke} stroke @param {HandMovement} movement */
 function freeAfter(stroke, movement) {
   return stroke.reach - movement.overlap * (stroke.reach - stroke.leave);
 }
 
+/** @param {HandKey} one @param {HandKey} other @param {number[][]} places */
 function distance(one, other, places) {
   const from = places[6 * one.shape + PLACEMENT_NUMBER[one.placement]];
   const to = places[6 * other.shape + PLACEMENT_NUMBER[other.placement]];
@@ -1438,16 +1526,19 @@ const PLACEMENTS = Object.keys(PLACEMENT_NUMBER);
 const SIDE = PLACEMENT_NUMBER.side;
 
 class HandReader {
-  /** @param model a `VoiceModel`, whose gesture table tells its targets */
+  /** @param model a `VoiceModel`, whose gesture table tells its targets @param {Model} model */
   constructor(model) {
     this.model = model;
+    /** @param {RegExp} pattern */
     const numbers = (pattern) => model.markers.flatMap((name, i) => (pattern.test(name) ? [3 * i] : []));
     this.tips = numbers(/^F\dT$/);
     this.anchors = [...this.tips, ...numbers(/^K\d$/)];
     this.pointing = model.pointing.map((name) => 3 * model.markers.indexOf(name));
     this.form = new Float64Array(this.tips.length * this.anchors.length);
     this.turn = new Float64Array(9);
+    /** @type {Float64Array[]} */
     this.forms = [];
+    /** @type {number[][][]} */
     this.places = [];
     const markers = new Float64Array(3 * model.markers.length);
     model.pointing.forEach((_name, shape) => {
@@ -1459,14 +1550,14 @@ class HandReader {
     });
   }
 
-  /** The key `{shape, placement}` that is nearest to the markers that `model` has just reconstructed. */
+  /** The key `{shape, placement}` that is nearest to the markers that `model` has just reconstructed. @param {Float64Array} markers */
   read(markers) {
     const form = this.formOf(markers);
     const shape = nearest(this.forms, form);
     return { shape, placement: PLACEMENTS[nearest(this.places[shape], this.pointedAt(shape, markers))] };
   }
 
-  /** What a hand's shape is told by, wherever it is: distances between finger tips, and from them to the knuckles. */
+  /** What a hand's shape is told by, wherever it is: distances between finger tips, and from them to the knuckles. @param {Float64Array} markers */
   formOf(markers) {
     let n = 0;
     for (const a of this.tips) {
@@ -1477,7 +1568,7 @@ class HandReader {
     return this.form;
   }
 
-  /** Where the pointing finger of a shape is for a head at rest, mm. */
+  /** Where the pointing finger of a shape is for a head at rest, mm. @param {number} shape @param {Float64Array} markers */
   pointedAt(shape, markers) {
     const { headMotion: m, face } = this.model;
     const r = rotation(m[0], m[1], m[2], this.turn);
@@ -1486,7 +1577,7 @@ class HandReader {
   }
 }
 
-/** Index of the row that is nearest to `point`. */
+/** Index of the row that is nearest to `point`. @param {Numbers[]} rows @param {Numbers} point */
 function nearest(rows, point) {
   let best = 0;
   let least = Infinity;
@@ -1521,11 +1612,14 @@ const NEAR_S = 4;
 const SLACK_S = 0.25;
 
 class Timeline {
-  /** @param movement constants of the voice's hand, from `/voice.json` */
+  /** @param movement constants of the voice's hand, from `/voice.json` @param {HandMovement} movement */
   constructor(movement) {
     this.movement = movement;
+    /** @type {Piece[]} */
     this.pieces = [];
+    /** @type {Key[]} */
     this.keys = [];
+    /** @type {StateChange[]} */
     this.states = [];
   }
 
@@ -1535,20 +1629,20 @@ class Timeline {
     this.states = [];
   }
 
-  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. */
+  /** Note a change of state `{time_s, state}`; what was known of later times is out of date. @param {StateChange} change */
   insertState(change) {
     this.states = this.states.filter((known) => known.time_s < change.time_s);
     this.states.push(change);
   }
 
-  /** The state of reception at `timeS`; undefined before the first. */
+  /** The state of reception at `timeS`; undefined before the first. @param {number} timeS */
   stateAt(timeS) {
     let state;
     for (const change of this.states) if (change.time_s <= timeS) state = change.state;
     return state;
   }
 
-  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. */
+  /** Insert a piece; one that covers the same time is replaced if the new one is at least as good. @param {Piece} piece */
   insert(piece) {
     const half = 0.5 * piece.count / piece.rateHz;
     const low = this.indexAfter(piece.startS - half);
@@ -1559,7 +1653,7 @@ class Timeline {
     this.pieces.splice(low, 0, piece);
   }
 
-  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. */
+  /** Add keys, each once: the key that starts at the same hundredth of a second is replaced. @param {Key[]} keys */
   insertKeys(keys) {
     for (const key of keys) {
       const low = this.keys.findIndex((known) => known.start > key.start - 0.01);
@@ -1568,8 +1662,9 @@ class Timeline {
     }
   }
 
-  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. */
+  /** Forget what lies further than five minutes from `timeS`: memory does not grow with the programme. @param {number} timeS */
   prune(timeS) {
+    /** @param {number} start */
     const near = (start) => Math.abs(start - timeS) < KEPT_S;
     if (this.pieces.length && !(near(this.pieces[0].startS) && near(this.pieces[this.pieces.length - 1].startS))) {
       this.pieces = this.pieces.filter((piece) => near(piece.startS));
@@ -1578,7 +1673,7 @@ class Timeline {
     }
   }
 
-  /** Index of the first piece that starts after `timeS`. */
+  /** Index of the first piece that starts after `timeS`. @param {number} timeS */
   indexAfter(timeS) {
     let low = 0;
     let high = this.pieces.length;
@@ -1590,7 +1685,7 @@ class Timeline {
     return low;
   }
 
-  /** Seconds of motion known without a break from `timeS` on. */
+  /** Seconds of motion known without a break from `timeS` on. @param {number} timeS */
   knownFrom(timeS) {
     let index = this.indexAfter(timeS) - 1;
     let end = timeS;
@@ -1607,6 +1702,7 @@ class Timeline {
    *
    * Returns the visibility of the cuer, 0 to 1: inside known motion 1; behind its end the last
    * frame is held and then faded out; 0 where nothing is known (`out` is then left alone).
+   * @param {number} timeS @param {Float64Array} out
    */
   sample(timeS, out) {
     const index = this.indexAfter(timeS) - 1;
@@ -1621,7 +1717,7 @@ class Timeline {
     return late <= HOLD_S ? 1 : 1 - (late - HOLD_S) / FADE_S;
   }
 
-  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. */
+  /** Frame `at` counted from piece `index`, from its neighbours where they join, else the nearest. @param {number} index @param {number} at */
   row(index, at) {
     let piece = this.pieces[index];
     const other = at < 0 ? this.pieces[index - 1] : at >= piece.count ? this.pieces[index + 1] : undefined;
@@ -1644,6 +1740,7 @@ class Timeline {
    * The present key is the one that the hand shows, which runs ahead of the sound: by the clock of
    * the voice's hand, and by `hand`, the key that the drawn hand is nearest to, if it is told.
    * @param {{shape: number, placement: string} | null} [hand]
+   * @param {number} timeS @param {number} before @param {number} after
    */
   keysAround(timeS, before, after, hand = null) {
     const near = this.keys.filter((key) => Math.abs(key.start - timeS) < NEAR_S);
@@ -1654,12 +1751,16 @@ class Timeline {
     return { keys, now: gone ? -1 : keys.indexOf(near[present]) };
   }
 
-  /** How many of the keys have been shown at `timeS`, and whether the hand has left the last one. */
+  /**
+   * How many of the keys have been shown at `timeS`, and whether the hand has left the last one.
+   * @param {Key[]} near @param {number} timeS @param {HandKey|null} hand
+   */
   byTheClock(near, timeS, hand) {
     const strokes = strokesTo(near, this.movement);
     const from = strokes.map((stroke, i) => shownFrom(stroke, strokes[i - 1]));
     let next = from.findIndex((startS) => startS > timeS);
     if (next < 0) next = near.length;
+    /** @param {number} i */
     const shows = (i) => hand && near[i] && near[i].shape === hand.shape && near[i].placement === hand.placement;
     if (!shows(next - 1)) {
       if (shows(next) && from[next] - timeS < SLACK_S) next += 1;
@@ -1673,7 +1774,11 @@ class Timeline {
   }
 }
 
-/** Catmull-Rom interpolation between rows b and c at x in 0..1. */
+/**
+ * Catmull-Rom interpolation between rows b and c at x in 0..1.
+ * @param {Numbers} a @param {Numbers} b @param {Numbers} c @param {Numbers} d @param {number} x
+ * @param {Float64Array} out
+ */
 function cubic(a, b, c, d, x, out) {
   const x2 = x * x;
   const x3 = x2 * x;
@@ -1702,7 +1807,11 @@ const { Timeline } = $timeline;
 const DOT = 0.62;
 
 class Cuer {
-  /** `arrays`: of the avatar, or null without one; `canvases`: {points, avatar}. */
+  /**
+   * `arrays`: of the avatar, or null without one; `canvases`: {points, avatar}.
+   * @param {Model} model @param {Arrays|null} arrays
+   * @param {{points: HTMLCanvasElement, avatar: HTMLCanvasElement}} canvases
+   */
   constructor(model, arrays, canvases) {
     this.model = model;
     this.canvases = canvases;
@@ -1716,12 +1825,15 @@ class Cuer {
     this.markers = new Float64Array(3 * model.markers.length);
     this.visibility = 0;
     this.scene = "";
+    /** @type {PointLights | AvatarView} */
+    this.view = this.points;
     this.choose("avatar");
   }
 
   /**
    * Give the avatar one of the voice's looks, fetched from `base`; one that is unknown is the first.
    * `address`: of another avatar's document, which replaces them all.
+   * @param {string} look @param {string} base @param {string} [address]
    */
   dress(look, base, address = "") {
     const later = this.model.looks.slice(1).includes(look);
@@ -1730,6 +1842,7 @@ class Cuer {
     return this.dressed;
   }
 
+  /** @param {string} wanted @param {string} base */
   async change(wanted, base) {
     this.look = wanted;
     const answer = await fetch(new URL(wanted, base));
@@ -1737,11 +1850,11 @@ class Cuer {
     const arrays = parseAvatar(await answer.arrayBuffer());
     if (String.fromCharCode(...arrays.voice) !== this.model.identity) throw new Error(`${wanted}: made for another voice`);
     if (this.look !== wanted) return;
-    this.avatar.wear(arrays);
+    this.avatar?.wear(arrays);
     this.forget();
   }
 
-  /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. */
+  /** Draw her as `style` from now on: `avatar`, if there is one, or `points`. @param {string} style */
   choose(style) {
     this.view = style === "avatar" && this.avatar ? this.avatar : this.points;
     this.canvases.avatar.hidden = this.view !== this.avatar;
@@ -1758,6 +1871,7 @@ class Cuer {
    * Show her as she is at `timeS`; returns how visible she is, 0 to 1.
    *
    * `look`: {opacity, dot in percent, mirror, handOnly, contrast}. Who stands still is not drawn again.
+   * @param {number} timeS @param {LookChoice} look
    */
   show(timeS, { opacity, dot, mirror, handOnly, contrast }) {
     this.visibility = this.timeline.sample(timeS, this.params);
@@ -1768,20 +1882,23 @@ class Cuer {
     const scene = [id, timeS, ...size, ...Object.values(look), ...this.params].join();
     if (scene !== this.scene) {
       this.scene = scene;
-      if (this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
+      if (this.avatar && this.view === this.avatar) this.avatar.draw(timeS, look, (at, out) => this.timeline.sample(at, out));
       else this.points.draw(this.markers, look);
     }
     return this.visibility;
   }
 
-  /** The keys around `timeS`, `before` and `after` the one that the hand shows. */
+  /** The keys around `timeS`, `before` and `after` the one that the hand shows. @param {number} timeS @param {number} before @param {number} after */
   keysAround(timeS, before, after) {
     const hand = this.visibility > 0 ? this.reader.read(this.markers) : null;
     return this.timeline.keysAround(timeS, before, after, hand);
   }
 }
 
-/** The avatar's view, or null where the browser has no WebGL: points are enough. */
+/**
+ * The avatar's view, or null where the browser has no WebGL: points are enough.
+ * @param {HTMLCanvasElement} canvas @param {Model} model @param {Arrays} arrays
+ */
 function buildAvatar(canvas, model, arrays) {
   try {
     return new AvatarView(canvas, model, arrays);
@@ -1802,8 +1919,9 @@ const $layout = (() => {
  * of keys, captions, controls and settings go where she is not.
  */
 
-/** Share of the width that she has beside the programme, and of its height over it. */
+/** Share of the width that she has beside the programme, and of its height over it. @type {Record<string, number>} */
 const BESIDE = { small: 1 / 6, medium: 1 / 4, large: 1 / 3 };
+/** @type {Record<string, number>} */
 const OVER = { small: 0.36, medium: 0.5, large: 0.72 };
 const MARGIN = 0.025;
 /** Share of the width that the programme keeps where the cuer has the screen. */
@@ -1814,18 +1932,21 @@ const LETTERS = [19, 34];
 const KEY_EM = [3.7, 2.6];
 const CAPTION_LINES = 2.9;
 
+/** @param {number} least @param {number} value @param {number} most */
 const clamp = (least, value, most) => Math.max(least, Math.min(value, most));
+/** @param {number} left @param {number} top @param {number} width @param {number} height */
 const box = (left, top, width, height) => ({ left, top, width, height });
+/** @param {Box} a @param {Box} b */
 const meets = (a, b) => a.left < b.left + b.width && b.left < a.left + a.width && a.top < b.top + b.height && b.top < a.top + a.height;
 
-/** The largest rectangle of `ratio` in the middle of `area`. */
+/** The largest rectangle of `ratio` in the middle of `area`. @param {Box} area @param {number} ratio */
 function fitted(area, ratio) {
   const width = Math.min(area.width, area.height * ratio);
   const height = width / ratio;
   return box(area.left + (area.width - width) / 2, area.top + (area.height - height) / 2, width, height);
 }
 
-/** The largest of the four rectangles around `cuer` within `area`. */
+/** The largest of the four rectangles around `cuer` within `area`. @param {Box} area @param {Box} cuer */
 function freeOf(area, cuer) {
   const right = area.left + area.width;
   const bottom = area.top + area.height;
@@ -1835,11 +1956,12 @@ function freeOf(area, cuer) {
     box(area.left, area.top, area.width, cuer.top - area.top),
     box(area.left, cuer.top + cuer.height, area.width, bottom - cuer.top - cuer.height),
   ];
+  /** @param {Box} box */
   const worth = ({ width, height }) => Math.min(width, 480) * Math.min(height, 640);
   return around.reduce((best, one) => (worth(one) > worth(best) ? one : best));
 }
 
-/** Letters of the keys and how many keys stand on each side of the present one, in `width`. */
+/** Letters of the keys and how many keys stand on each side of the present one, in `width`. @param {Size} screen @param {number} width */
 function keyLine(screen, width) {
   const vmin = Math.min(screen.width, screen.height);
   const size = clamp(LETTERS[0], 0.031 * vmin, LETTERS[1]);
@@ -1854,9 +1976,12 @@ function keyLine(screen, width) {
  * else null; `ratio` of the programme, 0 without a picture; `aspect` of the cuer; `choice`:
  * {layout, size, place, left, top, width (percent), keys, captions (letters' size in percent of
  * the screen's smaller side, 0 without)}.
+ * @param {Size} screen @param {Box|null} picture @param {number} ratio @param {number} aspect
+ * @param {LayoutChoice} choice
  */
 function layoutOf(screen, picture, ratio, aspect, choice) {
   const area = box(0, 0, screen.width, screen.height);
+  /** @type {Record<string, (area: Box, choice: LayoutChoice, aspect: number, picture: Box | null, ratio: number) => Omit<Layout, "kind" | "panel">>} */
   const makers = { alone, whole, below, beside, over };
   const isUpright = screen.height > 1.15 * screen.width;
   let kind = choice.layout === "beside" ? (isUpright ? "below" : "beside") : "over";
@@ -1866,15 +1991,18 @@ function layoutOf(screen, picture, ratio, aspect, choice) {
   return { kind, ...made, panel: freeOf(area, kind === "alone" || kind === "whole" ? box(area.width * 0.5, 0, area.width * 0.5, area.height) : made.cuer) };
 }
 
+/** @param {Box} area @param {LayoutChoice} choice @param {number} width */
 function bandOf(area, choice, width) {
   const line = keyLine(area, width);
   return { ...line, height: choice.keys ? KEY_EM[1] * line.size : 0 };
 }
 
+/** @param {Box} area @param {LayoutChoice} choice */
 const letters = (area, choice) => choice.captions / 100 * Math.min(area.width, area.height);
+/** @param {Box} area @param {LayoutChoice} choice */
 const captionsOf = (area, choice) => Math.max(choice.captions && 15, letters(area, choice)) * CAPTION_LINES;
 
-/** The cuer in a column or row with her keys under her. */
+/** The cuer in a column or row with her keys under her. @param {Box} space @param {number} aspect @param {KeyBand} band */
 function standing(space, aspect, band) {
   const cuer = fitted(box(space.left, space.top, space.width, space.height - band.height), aspect);
   cuer.top = space.top + (space.height - band.height - cuer.height) / 2;
@@ -1882,7 +2010,7 @@ function standing(space, aspect, band) {
   return { cuer, keys };
 }
 
-/** A programme without picture leaves the screen to her. */
+/** A programme without picture leaves the screen to her. @param {Box} area @param {LayoutChoice} choice @param {number} aspect */
 function alone(area, choice, aspect) {
   const text = captionsOf(area, choice);
   const space = box(0, 0, area.width, area.height - text);
@@ -1890,7 +2018,10 @@ function alone(area, choice, aspect) {
   return { ...standing(space, aspect, bandOf(area, choice, area.width)), programme: area, captions, bar: area };
 }
 
-/** She has the screen, the programme a corner of it. */
+/**
+ * She has the screen, the programme a corner of it.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} picture @param {number} ratio
+ */
 function whole(area, choice, aspect, picture, ratio) {
   const text = captionsOf(area, choice);
   const space = box(0, 0, area.width, area.height - text);
@@ -1904,7 +2035,11 @@ function whole(area, choice, aspect, picture, ratio) {
   return { ...stood, programme: box(left, margin, width, width / ratio), captions, bar: area };
 }
 
-/** Upright screens: the programme above, captions, the cuer as wide as the screen, her keys. */
+/**
+ * Upright screens: the programme above, captions, the cuer as wide as the screen, her keys.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} _picture
+ * @param {number} ratio
+ */
 function below(area, choice, aspect, _picture, ratio) {
   const text = captionsOf(area, choice);
   const height = Math.min(area.width / ratio, 0.4 * area.height);
@@ -1915,7 +2050,11 @@ function below(area, choice, aspect, _picture, ratio) {
   return { ...standing(row, aspect, bandOf(area, choice, area.width)), programme, captions, bar: box(0, 0, area.width, height) };
 }
 
-/** She has a column of the screen; the programme shrinks to the rest, captions under it. */
+/**
+ * She has a column of the screen; the programme shrinks to the rest, captions under it.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} _picture
+ * @param {number} ratio
+ */
 function beside(area, choice, aspect, _picture, ratio) {
   const width = area.width * BESIDE[choice.size];
   const isLeft = choice.place.endsWith("left");
@@ -1928,7 +2067,10 @@ function beside(area, choice, aspect, _picture, ratio) {
   return { ...standing(column, aspect, bandOf(area, choice, width)), programme, captions, bar: rest };
 }
 
-/** She stands over the programme, in a corner or where the viewer put her. */
+/**
+ * She stands over the programme, in a corner or where the viewer put her.
+ * @param {Box} area @param {LayoutChoice} choice @param {number} aspect @param {Box|null} picture @param {number} ratio
+ */
 function over(area, choice, aspect, picture, ratio) {
   const programme = picture || fitted(area, ratio);
   const cuer = choice.place === "free" ? placed(programme, choice, aspect) : cornered(programme, choice, aspect);
@@ -1943,12 +2085,17 @@ function over(area, choice, aspect, picture, ratio) {
   return { cuer, keys, programme, captions, bar: area };
 }
 
-/** The line of keys in the first row that she leaves free; without one, smaller beside her. */
+/**
+ * The line of keys in the first row that she leaves free; without one, smaller beside her.
+ * @param {Box} programme @param {Box} cuer @param {KeyBand} line @param {number} right @param {number} lift
+ */
 function keysClear({ left, top, width, height }, cuer, line, right, lift) {
+  /** @param {KeyLine} line */
   const needs = ({ around, size }) => (2 * around + 1) * KEY_EM[0] * size;
   const low = top + height - lift - line.height;
   /** @type {[number, number, number][]} */
   const spans = [[left, low, width], [left, low, cuer.left - left], [cuer.left + cuer.width, low, right], [left, top, width]];
+  /** @param {[number, number, number]} span @param {KeyBand} one */
   const within = ([x, y, w], one) => ({ ...one, ...box(x + (w - needs(one)) / 2, y, needs(one), line.height) });
   const free = spans.find((span) => span[2] >= needs(line) && !meets(within(span, line), cuer));
   if (free) return within(free, line);
@@ -1957,13 +2104,14 @@ function keysClear({ left, top, width, height }, cuer, line, right, lift) {
   return within(side, { ...least, size: line.size * Math.min(1, side[2] / needs(least)) });
 }
 
-/** The wider part of the programme's width that she leaves: left edge and width. */
+/** The wider part of the programme's width that she leaves: left edge and width. @param {Box} programme @param {Box} cuer */
 function freeSpan({ left, width }, cuer) {
   const before = cuer.left - left;
   const after = left + width - cuer.left - cuer.width;
   return before >= after ? [left, before] : [cuer.left + cuer.width, after];
 }
 
+/** @param {Box} programme @param {LayoutChoice} choice @param {number} aspect */
 function cornered(programme, { size, place }, aspect) {
   const { left, top, width, height } = programme;
   const high = Math.min(height * OVER[size], width / aspect);
@@ -1973,6 +2121,7 @@ function cornered(programme, { size, place }, aspect) {
   return box(x, vertical === "top" ? top + margin : top + height - margin - high, high * aspect, high);
 }
 
+/** @param {Box} programme @param {LayoutChoice} choice @param {number} aspect */
 function placed(programme, { left, top, width }, aspect) {
   const wide = Math.min(programme.width * width / 100, programme.height * aspect);
   const high = wide / aspect;
@@ -1990,9 +2139,13 @@ const { layoutOf } = $layout;
 const SAID_MS = 1400;
 
 class Stage {
-  /** `document`: a document or shadow tree with the elements of `index.html`; some may be missing. */
+  /**
+   * `document`: a document or shadow tree with the elements of `index.html`; some may be missing.
+   * @param {DocumentOrShadowRoot & NonElementParentNode} document
+   */
   constructor(document) {
-    const find = (id) => document.getElementById(id);
+    /** @param {string} id */
+    const find = (id) => /** @type {any} */ (document.getElementById(id));
     this.root = find("stage");
     this.programme = find("programme");
     this.video = this.programme;
@@ -2007,6 +2160,8 @@ class Stage {
     this.toast = find("toast");
     this.around = 2;
     this.shownKeys = "";
+    /** @type {any} The last `Layout`, there once the stage was arranged. */
+    this.layout = null;
   }
 
   /** Where a page put the programme inside the stage, letterboxed; null where the stage places it itself. */
@@ -2025,7 +2180,10 @@ class Stage {
     };
   }
 
-  /** Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`. */
+  /**
+   * Put everything in its place; `choice` as `layoutOf` takes it, with `contrast` and `opacity`.
+   * @param {StageChoice} choice @param {number} aspect
+   */
   arrange(choice, aspect) {
     const { videoWidth, videoHeight, readyState } = this.video;
     const screen = { width: this.root.clientWidth, height: this.root.clientHeight };
@@ -2046,6 +2204,7 @@ class Stage {
     this.inset.hidden = false;
   }
 
+  /** @param {StageChoice} choice @param {Layout} layout */
   arrangeText({ captions, ground }, { captions: band, programme, bar, panel, kind }) {
     Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${programme.top + 8}px`, maxWidth: `${programme.width - 16}px` });
     if (this.captions) {
@@ -2069,19 +2228,24 @@ class Stage {
   /** Tell the style how far what stands in the bar's way has to rise while the bar is shown. */
   clearBar() {
     const bar = { left: this.bar.offsetLeft, top: this.bar.offsetTop, width: this.bar.offsetWidth, height: this.bar.offsetHeight };
+    /** @param {Box} box */
     const rise = ({ left, top, width, height }) => {
       const beside = left >= bar.left + bar.width - 1 || left + width <= bar.left + 1 || this.layout.kind === "below";
       return beside ? 0 : Math.max(0, Math.min(top + height - bar.top, top));
     };
     const { cuer, keys, captions, kind } = this.layout;
     const text = Math.max(rise(keys), rise(captions));
+    /** @param {HTMLElement|null} part @param {number} pixels */
     const raise = (part, pixels) => part?.style.setProperty("--lift", `${-pixels}px`);
     raise(this.inset, rise(cuer));
     raise(this.keysLine, kind === "over" ? text : rise(keys));
     raise(this.captions, text);
   }
 
-  /** Show the keys around the present one: phones above, placement and shape as the paper prints them. */
+  /**
+   * Show the keys around the present one: phones above, placement and shape as the paper prints them.
+   * @param {{keys: Key[], now: number}} shown @param {Words} words
+   */
   showKeys({ keys, now }, words) {
     const line = keys.map((key) => `${key.start}`).join() + now + words.rest;
     if (line === this.shownKeys) return;
@@ -2102,23 +2266,27 @@ class Stage {
     });
   }
 
-  /** `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud. */
+  /**
+   * `whose`: what is known of who speaks, `{status, of}`, or null where nobody asked; `more` changes too often to be read aloud.
+   * @param {string} state @param {Words} words @param {Whose|null} whose @param {string} [more]
+   */
   showStatus(state, words, whose, more = "") {
     this.status.dataset.state = state;
     this.status.dataset.whose = whose ? whose.status : "";
     let text = words[state];
     if (whose) text += ` · ${words[whose.status]}${whose.status === "verified" ? ` (${whose.of})` : ""}`;
-    if (whose && Math.abs(whose.age_s) >= 1) text += ` · ${Math.round(whose.age_s)} s`;
+    const ageS = whose?.age_s ?? 0;
+    if (Math.abs(ageS) >= 1) text += ` · ${Math.round(ageS)} s`;
     if (this.statusText.textContent !== text) this.statusText.textContent = text;
     if (this.statusMore && this.statusMore.textContent !== more) this.statusMore.textContent = more;
   }
 
-  /** Without a cuer there is no box: the programme is seen whole. */
+  /** Without a cuer there is no box: the programme is seen whole. @param {boolean} present */
   showCuer(present) {
     this.inset.classList.toggle("empty", !present);
   }
 
-  /** A word that passes: what a key press did. */
+  /** A word that passes: what a key press did. @param {string} text */
   say(text) {
     this.toast.textContent = text;
     this.toast.hidden = false;
@@ -2127,6 +2295,7 @@ class Stage {
   }
 }
 
+/** @param {HTMLElement} element @param {Box} box */
 function lay(element, { left, top, width, height }) {
   Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
 }
@@ -2136,6 +2305,7 @@ return { Stage };
 const $texts = (() => {
 /** Every word on the page, in French and English. */
 
+/** @type {Record<string, Words>} */
 const TEXTS = {
   fr: {
     cuer: "Codeuse en langue française parlée complétée", keysLine: "Clés codées", controls: "Commandes",
@@ -2195,15 +2365,15 @@ const TEXTS = {
   },
 };
 
-/** Name every control in `language`: accessible names, tooltips and headings. */
+/** Name every control in `language`: accessible names, tooltips and headings. @param {HTMLElement} root @param {string} language */
 function label(root, language) {
   const words = TEXTS[language];
   root.lang = language;
-  for (const element of root.querySelectorAll("[data-name]")) {
-    element.setAttribute("aria-label", words[element.dataset.name]);
-    if (element.tagName === "BUTTON") element.title = words[element.dataset.name];
+  for (const element of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-name]"))) {
+    element.setAttribute("aria-label", words[element.dataset.name || ""]);
+    if (element.tagName === "BUTTON") element.title = words[element.dataset.name || ""];
   }
-  for (const element of root.querySelectorAll("[data-text]")) element.textContent = words[element.dataset.text];
+  for (const element of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-text]"))) element.textContent = words[element.dataset.text || ""];
   return words;
 }
 return { TEXTS, label };
@@ -2233,7 +2403,7 @@ const WAKE_MS = 3000;
 /** Media element to `{context, source}`: a source can be made once. */
 const rerouted = new WeakMap();
 
-/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
+/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. @param {HTMLMediaElement|null} media */
 function obstacle(media) {
   if (!media) return "no-media";
   if (!isSecureContext) return "insecure";
@@ -2256,20 +2426,26 @@ class Hearing {
   /** @type {any} */
   node;
 
-  /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
+  /**
+   * `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text).
+   * @param {HTMLMediaElement} media @param {PlayerFiles} files @param {HearingHandlers} handlers
+   */
   constructor(media, files, handlers) {
     this.media = media;
     this.files = files;
     this.handlers = handlers;
     this.segment = 0;
+    /** @type {number[]} Media time less the audio context's, as read at refreshes. */
     this.offsets = [];
     this.hearing = false;
     this.pausedAtS = null;
     this.readAtS = NaN;
     /** Media time less the receiver's, seconds; a pause does not change it. */
     this.placeS = null;
+    /** @type {Promise<void> | null} */
     this.opened = null;
     this.locked = false;
+    /** @type {[string, () => void][]} */
     this.listeners = [
       ["playing", () => this.begin()], ["pause", () => this.pause()], ["seeking", () => this.stop()],
       ["seeked", () => this.begin()], ["waiting", () => this.pause()],
@@ -2360,8 +2536,8 @@ class Hearing {
       throw because("no-files", error.message);
     }
     const { port1, port2 } = new MessageChannel();
-    this.worker.onmessage = ({ data }) => this.receive(data);
-    this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
+    this.worker.onmessage = (/** @type {MessageEvent} */ { data }) => this.receive(data);
+    this.worker.onerror = (/** @type {ErrorEvent} */ event) => this.handlers.reason("failed", event.message);
     this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1, ...trust }, [port1]);
     const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
     node.port.postMessage(port2, [port2]);
@@ -2372,6 +2548,7 @@ class Hearing {
     Object.assign(this, { context, source, node });
   }
 
+  /** @param {any} message */
   receive(message) {
     if (message.type === "failed") return this.handlers.reason("failed", message.text);
     if (message.segment !== this.segment) return;
@@ -2390,18 +2567,20 @@ class Hearing {
     return offsets.length >= SETTLED || (last.length === FEW && Math.max(...last) - Math.min(...last) < AGREE_S);
   }
 
-  /** Hold back what came before the clock was known. */
+  /** Hold back what came before the clock was known. @param {any} message */
   keep(message) {
     if (this.keptOf !== this.segment) this.kept.length = 0;
     this.keptOf = this.segment;
     this.kept.push(message);
   }
 
+  /** @type {any[]} Messages that wait for the clock. */
   kept = [];
+  keptOf = -1;
 
-  /** Tell why nothing is received although the programme plays. */
+  /** Tell why nothing is received although the programme plays. @param {any} message */
   judge({ events, diagnosis }) {
-    if (events.some((event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
+    if (events.some((/** @type {{kind: string}} */ event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
     if (diagnosis.superframes && !this.locked) {
       this.locked = true;
       this.handlers.reason("");
@@ -2435,6 +2614,7 @@ class Hearing {
   }
 }
 
+/** @param {string} reason @param {string} [text] */
 function because(reason, text = "") {
   return Object.assign(new Error(text || reason), { reason });
 }
@@ -2444,6 +2624,7 @@ return { obstacle, Hearing };
 const $reasons = (() => {
 /** Why there is no cuer: every reason that a player can give, in the page's languages. */
 
+/** @type {Record<string, Words>} */
 const REASONS = {
   "no-media": {
     en: "There is no <video> or <audio> inside the player.",
@@ -2521,7 +2702,10 @@ const BEFORE_S = 5;
 /** As far behind the viewer the page's timeline remembers. */
 const KEPT_S = 290;
 
-/** Where the stream file of `media` is: `named`, or the programme's address with `.cue` at its end; "" if nowhere. */
+/**
+ * Where the stream file of `media` is: `named`, or the programme's address with `.cue` at its end; "" if nowhere.
+ * @param {HTMLMediaElement} media @param {string|null} named
+ */
 function sidecarAddress(media, named) {
   if (named) return new URL(named, document.baseURI).href;
   const address = media.currentSrc || media.src;
@@ -2533,7 +2717,11 @@ function sidecarAddress(media, named) {
 }
 
 class Sidecar {
-  /** Fetch and open a stream file; rejects if there is none or it cannot be read. */
+  /**
+   * Fetch and open a stream file; rejects if there is none or it cannot be read.
+   * @param {HTMLMediaElement} media @param {string} address @param {PlayerFiles} files
+   * @param {HearingHandlers} handlers
+   */
   static async open(media, address, files, handlers) {
     if (!address) throw new Error("the programme has no address of its own");
     const answer = await fetch(address);
@@ -2548,6 +2736,7 @@ class Sidecar {
     return sidecar;
   }
 
+  /** @param {HTMLMediaElement} media @param {PlayerFiles} files @param {HearingHandlers} handlers */
   constructor(media, { module, voice, worker }, handlers) {
     this.media = media;
     this.handlers = handlers;
@@ -2558,6 +2747,7 @@ class Sidecar {
     this.untilS = -Infinity;
   }
 
+  /** @param {ArrayBuffer} bytes */
   load(bytes) {
     return new Promise((resolve, reject) => {
       this.worker.onerror = (event) => reject(new Error(event.message));
@@ -2620,9 +2810,10 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
-const CHOICES = {
+const CHOICES = /** @type {Words} */ ({
   look: "avatar", appearance: "woman", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100",
-};
+});
+/** @type {Words} */
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "insecure", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
@@ -2633,7 +2824,9 @@ const TOLERANCE_S = 10;
 /** Data of the player by folder, fetched once a page. */
 const loaded = new Map();
 
+/** @param {string} base */
 async function load(base) {
+  /** @param {string} name @param {boolean} [needed] */
   const get = async (name, needed = true) => {
     const answer = await fetch(new URL(name, base));
     if (!answer.ok && needed) throw new Error(`${name}: ${answer.status}`);
@@ -2654,6 +2847,10 @@ class CuecastPlayer extends HTMLElement {
   clock;
   refresh = 0;
   pruning = 0;
+  /** @type {HTMLMediaElement | null} The programme that is being drawn over. */
+  opened = null;
+  /** @type {any} Status of its proofs, if the page asked whose it is. */
+  whose = null;
 
   static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
@@ -2757,19 +2954,22 @@ class CuecastPlayer extends HTMLElement {
     return { announcement: await answer.arrayBuffer(), toleranceS: Number(this.getAttribute("tolerance")) || TOLERANCE_S };
   }
 
+  /** @param {HTMLMediaElement} media @param {any} data @param {any} trust */
   start(media, data, trust) {
     this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
       const root = /** @type {ShadowRoot} */ (this.shadowRoot);
-      const find = (id) => root.getElementById(id);
+      /** @param {string} id */
+      const find = (id) => /** @type {any} */ (root.getElementById(id));
       this.model = new VoiceModel(document);
       this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
       this.data = data;
     }
     this.timeline.clear();
-    this.clock = new ProgrammeClock(media);
+    this.clock = new ProgrammeClock(/** @type {HTMLVideoElement} */ (media));
     this.files = { module, voice, trust, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    /** @type {HearingHandlers} */
     this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
       reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
@@ -2795,7 +2995,7 @@ class CuecastPlayer extends HTMLElement {
     this.because("");
     this.tellState("searching");
     if (this.hasAttribute("cue")) this.lookBeside("no-file");
-    else this.hearing = new Hearing(this.media, this.files, this.handlers);
+    else this.hearing = new Hearing(/** @type {HTMLMediaElement} */ (this.media), /** @type {PlayerFiles} */ (this.files), this.handlers);
   }
 
   deafen() {
@@ -2804,15 +3004,16 @@ class CuecastPlayer extends HTMLElement {
     this.hearing = this.sidecar = null;
   }
 
-  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. */
+  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. @param {string} reason */
   async lookBeside(reason) {
     if (this.triedBeside) return this.because(this.sidecar ? "" : reason);
     this.triedBeside = true;
-    const { media, programme, serial } = this;
+    const { programme, serial } = this;
+    const media = /** @type {HTMLMediaElement} */ (this.media);
     const isPresent = () => programme === this.programme && serial === this.serial;
     const named = this.getAttribute("cue");
     try {
-      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), this.files, this.handlers);
+      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), /** @type {PlayerFiles} */ (this.files), /** @type {HearingHandlers} */ (this.handlers));
       if (!isPresent()) return sidecar.close();
       this.deafen();
       this.sidecar = sidecar;
@@ -2832,11 +3033,11 @@ class CuecastPlayer extends HTMLElement {
     this.cuer.choose(choice.look);
     const own = this.getAttribute("avatar");
     const address = own ? new URL(own, document.baseURI).href : "";
-    this.cuer.dress(choice.appearance, this.base, address).catch((error) => this.because("no-files", error.message));
+    this.cuer.dress(choice.appearance, this.base, address).catch((/** @type {Error} */ error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 
-  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
+  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. @param {any} message @param {number} offsetS */
   take({ events, pieces, diagnosis }, offsetS) {
     this.diagnosis = diagnosis ?? undefined;
     for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
@@ -2849,27 +3050,31 @@ class CuecastPlayer extends HTMLElement {
     }
   }
 
+  /** @param {any} event @param {number} start */
   takeKey({ durationS, shape, placement, phones, final }, start) {
     const key = { start, end: start + durationS, shape, placement, phones };
     const { timeline } = this;
+    /** @param {Key} known */
     const covers = (known) => Math.min(known.end, key.end) - Math.max(known.start, key.start) > 0.5 * (known.end - known.start);
-    timeline.keys = timeline.keys.filter((known) => Math.abs(known.start - start) > 0.01 && !covers(known));
+    timeline.keys = timeline.keys.filter((/** @type {Key} */ known) => Math.abs(known.start - start) > 0.01 && !covers(known));
     if (durationS > 0) timeline.insertKeys([key]);
     if (final && durationS > 0) this.tell("key", key);
   }
 
+  /** @param {any} event @param {number} timeS */
   takeProof(event, timeS) {
     if (!(timeS < this.whose?.timeS)) this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS, timeS };
     if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
   }
 
+  /** @param {string} state */
   tellState(state) {
     if (state === this.reception) return;
     this.reception = state;
     this.tell("state", { state, reason: this.reason, text: "" });
   }
 
-  /** Say why there is no cuer; an empty name takes it back. */
+  /** Say why there is no cuer; an empty name takes it back. @param {string} reason @param {string} [detail] */
   because(reason, detail = "") {
     if (reason === this.reason) return;
     this.reason = reason;
@@ -2883,10 +3088,12 @@ class CuecastPlayer extends HTMLElement {
     return this.reason ? REASONS[this.reason][language] : "";
   }
 
+  /** @param {string} name @param {any} detail */
   tell(name, detail) {
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 
+  /** @param {number} visibility */
   showState(visibility) {
     const words = { ...this.words(), deaf: this.reasonText() };
     const received = this.reception === "locked" || this.reception === "degraded";
@@ -2895,6 +3102,7 @@ class CuecastPlayer extends HTMLElement {
     this.stage.status.hidden = !this.reason && this.media?.paused === true && visibility === 0;
   }
 
+  /** @param {number} now */
   tick(now) {
     this.refresh = requestAnimationFrame((next) => this.tick(next));
     this.hearing?.tick();

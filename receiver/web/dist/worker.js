@@ -32,12 +32,14 @@ class Decoder {
   /**
    * `module`: bytes or `WebAssembly.Module` of `cuecast.wasm`; `voice`: bytes of `voice.bin`;
    * `config`: {rateHz, channels, startS, history}. Rejects with the receiver's explanation.
+   * @param {BufferSource|WebAssembly.Module} module @param {ArrayBuffer} voice @param {DecoderConfig} config
    */
   static async create(module, voice, config) {
     const compiled = module instanceof WebAssembly.Module ? module : await WebAssembly.compile(module);
     return new Decoder((await WebAssembly.instantiate(compiled, {})).exports, voice, config);
   }
 
+  /** @param {any} exports @param {ArrayBuffer|null} voice @param {DecoderConfig} config */
   constructor(exports, voice, { rateHz, channels, startS = 0, history = true }) {
     this.cue = exports;
     this.channels = channels;
@@ -64,7 +66,7 @@ class Decoder {
     if (voice) this.load(new Uint8Array(voice));
   }
 
-  /** Room of some bytes in the module's memory. */
+  /** Room of some bytes in the module's memory. @param {number} bytes */
   take(bytes) {
     const at = Math.ceil(this.end / ALIGNMENT) * ALIGNMENT;
     this.end = at + bytes;
@@ -78,12 +80,13 @@ class Decoder {
     return new DataView(this.cue.memory.buffer);
   }
 
-  /** Pass on a status; one below zero throws. */
+  /** Pass on a status; one below zero throws. @param {number} status */
   must(status) {
     if (status < 0) throw new Error(this.explain() || `status ${status}`);
     return status;
   }
 
+  /** @param {Uint8Array} voice */
   load(voice) {
     const end = this.end;
     const at = this.take(voice.length);
@@ -95,6 +98,7 @@ class Decoder {
   /**
    * Check whose cues these are: `announcement` is a broadcaster's public file (spec/authentication.md,
    * E15); each superframe then gives an event `proof`. Throws if the file is damaged or not signed.
+   * @param {ArrayBuffer} announcement @param {number} [toleranceS]
    */
   trust(announcement, toleranceS = 10) {
     const file = new Uint8Array(announcement);
@@ -105,13 +109,14 @@ class Decoder {
     this.end = end;
   }
 
-  /** The next sample arrives at `utcS`, seconds since 1970, of a broadcast; without it replays go unnoticed. */
+  /** The next sample arrives at `utcS`, seconds since 1970, of a broadcast; without it replays go unnoticed. @param {number} utcS */
   clock(utcS) {
     this.must(this.cue.cue_clock(this.state, utcS));
   }
 
-  /** Take one array of samples per channel, full scale 1, of any length; returns the events. */
+  /** Take one array of samples per channel, full scale 1, of any length; returns the events. @param {Float32Array[]} planes */
   push(planes) {
+    /** @type {any[]} */
     const events = [];
     const { length } = planes[0];
     for (let at = 0; at < length; at += FRAMES) {
@@ -132,7 +137,7 @@ class Decoder {
     return this.collect([]);
   }
 
-  /** Take a stream file in place of sound; throws if it is damaged or of another voice. */
+  /** Take a stream file in place of sound; throws if it is damaged or of another voice. @param {ArrayBuffer} bytes */
   open(bytes) {
     const stream = new Uint8Array(bytes);
     if (stream.length > (this.file?.bytes ?? 0)) this.file = { at: this.take(stream.length), bytes: stream.length };
@@ -154,11 +159,12 @@ class Decoder {
     return this.collect([]);
   }
 
-  /** Forget the sound: the next sample has the time `startS`. */
+  /** Forget the sound: the next sample has the time `startS`. @param {number} startS */
   reset(startS) {
     this.must(this.cue.cue_reset(this.state, startS));
   }
 
+  /** @param {any[]} events */
   collect(events) {
     for (;;) {
       this.view().setUint32(this.event, this.eventBytes, true);
@@ -175,6 +181,7 @@ class Decoder {
     this.view().setUint32(at, ROOM.diagnosis, true);
     this.must(this.cue.cue_diagnose(this.state, at));
     const view = this.view();
+    /** @param {number} offset */
     const count = (offset) => view.getUint32(at + offset, true);
     return {
       state: STATES[count(4)],
@@ -196,7 +203,10 @@ class Decoder {
   }
 }
 
-/** What is read of each kind of event, by the numbers of `cue_event_kind`. */
+/**
+ * What is read of each kind of event, by the numbers of `cue_event_kind`.
+ * @type {Record<number, (view: DataView, at: number) => {kind: string}>}
+ */
 const READERS = {
   1: (view, at) => ({ kind: "state", state: STATES[view.getUint32(at, true)] }),
   3: (view, at) => ({ kind: "lost", count: view.getUint32(at + 12, true) }),
@@ -218,6 +228,7 @@ const READERS = {
   10: (view, at) => ({ kind: "unreadable", identity: view.getUint16(at, true), version: view.getUint8(at + 2) }),
 };
 
+/** @param {DataView} view @param {number} at */
 function keyAt(view, at) {
   return {
     durationS: view.getFloat64(at, true),
@@ -241,13 +252,17 @@ const MOST_FRAMES = 32;
 
 class Pieces {
   constructor() {
+    /** @type {Rows[]} */
     this.pieces = [];
+    /** @type {Set<Rows>} */
     this.changed = new Set();
   }
 
-  /** Take an event of motion. */
+  /** Take an event of motion. @param {{timeS: number, layers: number, values: Float32Array}} event */
   add({ timeS, layers, values }) {
+    /** @param {Rows} piece */
     const at = (piece) => Math.round((timeS - piece.startS) * RATE_HZ);
+    /** @param {Rows} piece */
     const fits = (piece) => at(piece) >= 0 && at(piece) <= Math.min(piece.rows.length, MOST_FRAMES - 1);
     let piece = this.pieces.find(fits);
     if (!piece) {
@@ -317,13 +332,14 @@ let nextS = 0;
 let toldS = 0;
 /** Zeros that were held back, per channel. */
 let held = 0;
-/** The stream file, and how far it has been read, seconds. */
+/** The stream file, and how far it has been read, seconds. @type {any} */
 let file = null;
 let readS = 0;
 
+/** @param {Float32Array[]} planes @param {number} at */
 const isSilent = (planes, at) => planes.every((plane) => plane[at] === 0);
 
-/** Bounds of what is not zero in a block; both are the block's length if there is nothing else. */
+/** Bounds of what is not zero in a block; both are the block's length if there is nothing else. @param {Float32Array[]} planes */
 function soundWithin(planes) {
   const { length } = planes[0];
   let first = 0;
@@ -333,7 +349,7 @@ function soundWithin(planes) {
   return [first, first === length ? length : end];
 }
 
-/** Sort out motion from what is sent as it is. */
+/** Sort out motion from what is sent as it is. @param {any[]} all */
 function sorted(all) {
   const events = [];
   for (const event of all) {
@@ -343,13 +359,17 @@ function sorted(all) {
   return events;
 }
 
+/** @param {Float32Array[]} planes */
 function push(planes) {
   if (live) decoder.clock(Date.now() / 1000);
   nextS += planes[0].length / rateHz;
   return sorted(decoder.push(planes));
 }
 
-/** Decode the stream file up to a time; what lies before `from` is known to the page, or not needed. */
+/**
+ * Decode the stream file up to a time; what lies before `from` is known to the page, or not needed.
+ * @param {{anew: boolean, fromS: number, untilS: number}} wanted
+ */
 function read({ anew, fromS: from, untilS }) {
   if (anew) {
     readS = decoder.open(file).startS;
@@ -360,29 +380,32 @@ function read({ anew, fromS: from, untilS }) {
     const found = decoder.read();
     if (!found) break;
     readS += SUPERFRAME_S;
-    events.push(...sorted(found.filter((event) => event.timeS >= from)));
+    events.push(...sorted(found.filter((/** @type {{timeS: number}} */ event) => event.timeS >= from)));
     if (count % BATCH === 0) send(events.splice(0));
   }
   send(events);
 }
 
+/** @param {any[]} events */
 function send(events) {
   self.postMessage({ type: "heard", segment, events, pieces: pieces.take(), diagnosis: null, lagS: 0 });
 }
 
-/** Push the zeros held back, at most a number of them. */
+/** Push the zeros held back, at most a number of them. @param {number} most */
 function pushZeros(most) {
   const count = Math.min(held, most);
   held -= count;
   return count ? push([new Float32Array(count), new Float32Array(count)]) : [];
 }
 
+/** @param {any} message */
 async function opened({ module, voice, rateHz: rate, channels, announcement, toleranceS }) {
   const made = await Decoder.create(module, voice, { rateHz: rate, channels });
   if (announcement) made.trust(announcement, toleranceS);
   return made;
 }
 
+/** @param {{timeS: number, planes: Float32Array[]}} block */
 function hear({ timeS, planes }) {
   if (!decoder || segment < 0 || timeS < fromS) return;
   if (!begun) {
@@ -409,8 +432,9 @@ function hear({ timeS, planes }) {
   self.postMessage({ type: "heard", segment, events, pieces: changed, diagnosis: decoder.diagnosis(), lagS });
 }
 
+/** @param {(data: any) => void|Promise<void>} action */
 function guarded(action) {
-  return async (event) => {
+  return async (/** @type {MessageEvent} */ event) => {
     try {
       await action(event.data);
     } catch (error) {

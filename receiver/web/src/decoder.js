@@ -31,12 +31,14 @@ export class Decoder {
   /**
    * `module`: bytes or `WebAssembly.Module` of `cuecast.wasm`; `voice`: bytes of `voice.bin`;
    * `config`: {rateHz, channels, startS, history}. Rejects with the receiver's explanation.
+   * @param {BufferSource|WebAssembly.Module} module @param {ArrayBuffer} voice @param {DecoderConfig} config
    */
   static async create(module, voice, config) {
     const compiled = module instanceof WebAssembly.Module ? module : await WebAssembly.compile(module);
     return new Decoder((await WebAssembly.instantiate(compiled, {})).exports, voice, config);
   }
 
+  /** @param {any} exports @param {ArrayBuffer|null} voice @param {DecoderConfig} config */
   constructor(exports, voice, { rateHz, channels, startS = 0, history = true }) {
     this.cue = exports;
     this.channels = channels;
@@ -63,7 +65,7 @@ export class Decoder {
     if (voice) this.load(new Uint8Array(voice));
   }
 
-  /** Room of some bytes in the module's memory. */
+  /** Room of some bytes in the module's memory. @param {number} bytes */
   take(bytes) {
     const at = Math.ceil(this.end / ALIGNMENT) * ALIGNMENT;
     this.end = at + bytes;
@@ -77,12 +79,13 @@ export class Decoder {
     return new DataView(this.cue.memory.buffer);
   }
 
-  /** Pass on a status; one below zero throws. */
+  /** Pass on a status; one below zero throws. @param {number} status */
   must(status) {
     if (status < 0) throw new Error(this.explain() || `status ${status}`);
     return status;
   }
 
+  /** @param {Uint8Array} voice */
   load(voice) {
     const end = this.end;
     const at = this.take(voice.length);
@@ -94,6 +97,7 @@ export class Decoder {
   /**
    * Check whose cues these are: `announcement` is a broadcaster's public file (spec/authentication.md,
    * E15); each superframe then gives an event `proof`. Throws if the file is damaged or not signed.
+   * @param {ArrayBuffer} announcement @param {number} [toleranceS]
    */
   trust(announcement, toleranceS = 10) {
     const file = new Uint8Array(announcement);
@@ -104,13 +108,14 @@ export class Decoder {
     this.end = end;
   }
 
-  /** The next sample arrives at `utcS`, seconds since 1970, of a broadcast; without it replays go unnoticed. */
+  /** The next sample arrives at `utcS`, seconds since 1970, of a broadcast; without it replays go unnoticed. @param {number} utcS */
   clock(utcS) {
     this.must(this.cue.cue_clock(this.state, utcS));
   }
 
-  /** Take one array of samples per channel, full scale 1, of any length; returns the events. */
+  /** Take one array of samples per channel, full scale 1, of any length; returns the events. @param {Float32Array[]} planes */
   push(planes) {
+    /** @type {any[]} */
     const events = [];
     const { length } = planes[0];
     for (let at = 0; at < length; at += FRAMES) {
@@ -131,7 +136,7 @@ export class Decoder {
     return this.collect([]);
   }
 
-  /** Take a stream file in place of sound; throws if it is damaged or of another voice. */
+  /** Take a stream file in place of sound; throws if it is damaged or of another voice. @param {ArrayBuffer} bytes */
   open(bytes) {
     const stream = new Uint8Array(bytes);
     if (stream.length > (this.file?.bytes ?? 0)) this.file = { at: this.take(stream.length), bytes: stream.length };
@@ -153,11 +158,12 @@ export class Decoder {
     return this.collect([]);
   }
 
-  /** Forget the sound: the next sample has the time `startS`. */
+  /** Forget the sound: the next sample has the time `startS`. @param {number} startS */
   reset(startS) {
     this.must(this.cue.cue_reset(this.state, startS));
   }
 
+  /** @param {any[]} events */
   collect(events) {
     for (;;) {
       this.view().setUint32(this.event, this.eventBytes, true);
@@ -174,6 +180,7 @@ export class Decoder {
     this.view().setUint32(at, ROOM.diagnosis, true);
     this.must(this.cue.cue_diagnose(this.state, at));
     const view = this.view();
+    /** @param {number} offset */
     const count = (offset) => view.getUint32(at + offset, true);
     return {
       state: STATES[count(4)],
@@ -195,7 +202,10 @@ export class Decoder {
   }
 }
 
-/** What is read of each kind of event, by the numbers of `cue_event_kind`. */
+/**
+ * What is read of each kind of event, by the numbers of `cue_event_kind`.
+ * @type {Record<number, (view: DataView, at: number) => {kind: string}>}
+ */
 const READERS = {
   1: (view, at) => ({ kind: "state", state: STATES[view.getUint32(at, true)] }),
   3: (view, at) => ({ kind: "lost", count: view.getUint32(at + 12, true) }),
@@ -217,6 +227,7 @@ const READERS = {
   10: (view, at) => ({ kind: "unreadable", identity: view.getUint16(at, true), version: view.getUint8(at + 2) }),
 };
 
+/** @param {DataView} view @param {number} at */
 function keyAt(view, at) {
   return {
     durationS: view.getFloat64(at, true),

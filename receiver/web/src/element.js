@@ -23,9 +23,10 @@ const BODY = `<div id="stage" class="stage quiet" part="stage"><slot></slot>
 <ol id="keys" class="keys" part="keys" hidden></ol></div>`;
 
 /** What stands in an attribute, with what holds without it; a flag is there or not. */
-const CHOICES = {
+const CHOICES = /** @type {Words} */ ({
   look: "avatar", appearance: "woman", place: "bottom-right", size: "medium", contrast: "panel", opacity: "100",
-};
+});
+/** @type {Words} */
 const FLAGS = { keys: "keys", mirror: "mirror", handOnly: "hand-only" };
 /** Reasons for which the stream file beside the programme is looked for. */
 const DEAF = new Set(["other-origin", "insecure", "no-worklet", "asleep", "muted", "speed", "silence", "no-mark"]);
@@ -36,7 +37,9 @@ const TOLERANCE_S = 10;
 /** Data of the player by folder, fetched once a page. */
 const loaded = new Map();
 
+/** @param {string} base */
 async function load(base) {
+  /** @param {string} name @param {boolean} [needed] */
   const get = async (name, needed = true) => {
     const answer = await fetch(new URL(name, base));
     if (!answer.ok && needed) throw new Error(`${name}: ${answer.status}`);
@@ -57,6 +60,10 @@ export class CuecastPlayer extends HTMLElement {
   clock;
   refresh = 0;
   pruning = 0;
+  /** @type {HTMLMediaElement | null} The programme that is being drawn over. */
+  opened = null;
+  /** @type {any} Status of its proofs, if the page asked whose it is. */
+  whose = null;
 
   static observedAttributes = [...Object.keys(CHOICES), ...Object.values(FLAGS), "lang", "avatar"];
 
@@ -160,19 +167,22 @@ export class CuecastPlayer extends HTMLElement {
     return { announcement: await answer.arrayBuffer(), toleranceS: Number(this.getAttribute("tolerance")) || TOLERANCE_S };
   }
 
+  /** @param {HTMLMediaElement} media @param {any} data @param {any} trust */
   start(media, data, trust) {
     this.whose = trust.announcement ? { status: "unknown", of: "" } : null;
     const { module, voice, document, arrays } = data;
     if (this.data !== data) {
       const root = /** @type {ShadowRoot} */ (this.shadowRoot);
-      const find = (id) => root.getElementById(id);
+      /** @param {string} id */
+      const find = (id) => /** @type {any} */ (root.getElementById(id));
       this.model = new VoiceModel(document);
       this.cuer = new Cuer(this.model, arrays, { points: find("points"), avatar: find("avatar") });
       this.data = data;
     }
     this.timeline.clear();
-    this.clock = new ProgrammeClock(media);
+    this.clock = new ProgrammeClock(/** @type {HTMLVideoElement} */ (media));
     this.files = { module, voice, trust, worklet: new URL("worklet.js", this.base), worker: new URL("worker.js", this.base) };
+    /** @type {HearingHandlers} */
     this.handlers = {
       heard: (message, offsetS) => this.take(message, offsetS),
       reason: (name, text) => (DEAF.has(name) ? this.lookBeside(name) : this.because(name, text)),
@@ -198,7 +208,7 @@ export class CuecastPlayer extends HTMLElement {
     this.because("");
     this.tellState("searching");
     if (this.hasAttribute("cue")) this.lookBeside("no-file");
-    else this.hearing = new Hearing(this.media, this.files, this.handlers);
+    else this.hearing = new Hearing(/** @type {HTMLMediaElement} */ (this.media), /** @type {PlayerFiles} */ (this.files), this.handlers);
   }
 
   deafen() {
@@ -207,15 +217,16 @@ export class CuecastPlayer extends HTMLElement {
     this.hearing = this.sidecar = null;
   }
 
-  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. */
+  /** Take the stream file beside the programme, if there is one; else say why there is no cuer. @param {string} reason */
   async lookBeside(reason) {
     if (this.triedBeside) return this.because(this.sidecar ? "" : reason);
     this.triedBeside = true;
-    const { media, programme, serial } = this;
+    const { programme, serial } = this;
+    const media = /** @type {HTMLMediaElement} */ (this.media);
     const isPresent = () => programme === this.programme && serial === this.serial;
     const named = this.getAttribute("cue");
     try {
-      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), this.files, this.handlers);
+      const sidecar = await Sidecar.open(media, sidecarAddress(media, named), /** @type {PlayerFiles} */ (this.files), /** @type {HearingHandlers} */ (this.handlers));
       if (!isPresent()) return sidecar.close();
       this.deafen();
       this.sidecar = sidecar;
@@ -235,11 +246,11 @@ export class CuecastPlayer extends HTMLElement {
     this.cuer.choose(choice.look);
     const own = this.getAttribute("avatar");
     const address = own ? new URL(own, document.baseURI).href : "";
-    this.cuer.dress(choice.appearance, this.base, address).catch((error) => this.because("no-files", error.message));
+    this.cuer.dress(choice.appearance, this.base, address).catch((/** @type {Error} */ error) => this.because("no-files", error.message));
     for (const canvas of Object.values(this.cuer.canvases)) canvas.setAttribute("aria-label", this.words().cuer);
   }
 
-  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. */
+  /** Take what was heard; `offsetS` leads from the audio context's time to the media's. @param {any} message @param {number} offsetS */
   take({ events, pieces, diagnosis }, offsetS) {
     this.diagnosis = diagnosis ?? undefined;
     for (const piece of pieces) this.timeline.insert({ ...piece, startS: piece.startS + offsetS });
@@ -252,27 +263,31 @@ export class CuecastPlayer extends HTMLElement {
     }
   }
 
+  /** @param {any} event @param {number} start */
   takeKey({ durationS, shape, placement, phones, final }, start) {
     const key = { start, end: start + durationS, shape, placement, phones };
     const { timeline } = this;
+    /** @param {Key} known */
     const covers = (known) => Math.min(known.end, key.end) - Math.max(known.start, key.start) > 0.5 * (known.end - known.start);
-    timeline.keys = timeline.keys.filter((known) => Math.abs(known.start - start) > 0.01 && !covers(known));
+    timeline.keys = timeline.keys.filter((/** @type {Key} */ known) => Math.abs(known.start - start) > 0.01 && !covers(known));
     if (durationS > 0) timeline.insertKeys([key]);
     if (final && durationS > 0) this.tell("key", key);
   }
 
+  /** @param {any} event @param {number} timeS */
   takeProof(event, timeS) {
     if (!(timeS < this.whose?.timeS)) this.whose = { status: event.status, of: event.of.slice(0, 8), age_s: event.ageS, timeS };
     if (event.status === "verified") this.tell("verified", { time: timeS, of: event.of });
   }
 
+  /** @param {string} state */
   tellState(state) {
     if (state === this.reception) return;
     this.reception = state;
     this.tell("state", { state, reason: this.reason, text: "" });
   }
 
-  /** Say why there is no cuer; an empty name takes it back. */
+  /** Say why there is no cuer; an empty name takes it back. @param {string} reason @param {string} [detail] */
   because(reason, detail = "") {
     if (reason === this.reason) return;
     this.reason = reason;
@@ -286,10 +301,12 @@ export class CuecastPlayer extends HTMLElement {
     return this.reason ? REASONS[this.reason][language] : "";
   }
 
+  /** @param {string} name @param {any} detail */
   tell(name, detail) {
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 
+  /** @param {number} visibility */
   showState(visibility) {
     const words = { ...this.words(), deaf: this.reasonText() };
     const received = this.reception === "locked" || this.reception === "degraded";
@@ -298,6 +315,7 @@ export class CuecastPlayer extends HTMLElement {
     this.stage.status.hidden = !this.reason && this.media?.paused === true && visibility === 0;
   }
 
+  /** @param {number} now */
   tick(now) {
     this.refresh = requestAnimationFrame((next) => this.tick(next));
     this.hearing?.tick();

@@ -21,7 +21,7 @@ const WAKE_MS = 3000;
 /** Media element to `{context, source}`: a source can be made once. */
 const rerouted = new WeakMap();
 
-/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. */
+/** Why the page may not hear `media`: a name of `REASONS`, or "" if it may. @param {HTMLMediaElement|null} media */
 export function obstacle(media) {
   if (!media) return "no-media";
   if (!isSecureContext) return "insecure";
@@ -44,20 +44,26 @@ export class Hearing {
   /** @type {any} */
   node;
 
-  /** `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text). */
+  /**
+   * `files`: {module, voice, worklet, worker, trust}; `handlers`: heard(message, offsetS), reason(name, text).
+   * @param {HTMLMediaElement} media @param {PlayerFiles} files @param {HearingHandlers} handlers
+   */
   constructor(media, files, handlers) {
     this.media = media;
     this.files = files;
     this.handlers = handlers;
     this.segment = 0;
+    /** @type {number[]} Media time less the audio context's, as read at refreshes. */
     this.offsets = [];
     this.hearing = false;
     this.pausedAtS = null;
     this.readAtS = NaN;
     /** Media time less the receiver's, seconds; a pause does not change it. */
     this.placeS = null;
+    /** @type {Promise<void> | null} */
     this.opened = null;
     this.locked = false;
+    /** @type {[string, () => void][]} */
     this.listeners = [
       ["playing", () => this.begin()], ["pause", () => this.pause()], ["seeking", () => this.stop()],
       ["seeked", () => this.begin()], ["waiting", () => this.pause()],
@@ -148,8 +154,8 @@ export class Hearing {
       throw because("no-files", error.message);
     }
     const { port1, port2 } = new MessageChannel();
-    this.worker.onmessage = ({ data }) => this.receive(data);
-    this.worker.onerror = (event) => this.handlers.reason("failed", event.message);
+    this.worker.onmessage = (/** @type {MessageEvent} */ { data }) => this.receive(data);
+    this.worker.onerror = (/** @type {ErrorEvent} */ event) => this.handlers.reason("failed", event.message);
     this.worker.postMessage({ type: "open", module, voice, rateHz: context.sampleRate, channels: 2, port: port1, ...trust }, [port1]);
     const node = new AudioWorkletNode(context, "cuecast-hearing", { numberOfOutputs: 0 });
     node.port.postMessage(port2, [port2]);
@@ -160,6 +166,7 @@ export class Hearing {
     Object.assign(this, { context, source, node });
   }
 
+  /** @param {any} message */
   receive(message) {
     if (message.type === "failed") return this.handlers.reason("failed", message.text);
     if (message.segment !== this.segment) return;
@@ -178,18 +185,20 @@ export class Hearing {
     return offsets.length >= SETTLED || (last.length === FEW && Math.max(...last) - Math.min(...last) < AGREE_S);
   }
 
-  /** Hold back what came before the clock was known. */
+  /** Hold back what came before the clock was known. @param {any} message */
   keep(message) {
     if (this.keptOf !== this.segment) this.kept.length = 0;
     this.keptOf = this.segment;
     this.kept.push(message);
   }
 
+  /** @type {any[]} Messages that wait for the clock. */
   kept = [];
+  keptOf = -1;
 
-  /** Tell why nothing is received although the programme plays. */
+  /** Tell why nothing is received although the programme plays. @param {any} message */
   judge({ events, diagnosis }) {
-    if (events.some((event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
+    if (events.some((/** @type {{kind: string}} */ event) => event.kind === "unreadable")) this.handlers.reason("other-voice");
     if (diagnosis.superframes && !this.locked) {
       this.locked = true;
       this.handlers.reason("");
@@ -223,6 +232,7 @@ export class Hearing {
   }
 }
 
+/** @param {string} reason @param {string} [text] */
 function because(reason, text = "") {
   return Object.assign(new Error(text || reason), { reason });
 }

@@ -6,13 +6,17 @@ const MOST_FRAMES = 32;
 
 export class Pieces {
   constructor() {
+    /** @type {Rows[]} */
     this.pieces = [];
+    /** @type {Set<Rows>} */
     this.changed = new Set();
   }
 
-  /** Take an event of motion. */
+  /** Take an event of motion. @param {{timeS: number, layers: number, values: Float32Array}} event */
   add({ timeS, layers, values }) {
+    /** @param {Rows} piece */
     const at = (piece) => Math.round((timeS - piece.startS) * RATE_HZ);
+    /** @param {Rows} piece */
     const fits = (piece) => at(piece) >= 0 && at(piece) <= Math.min(piece.rows.length, MOST_FRAMES - 1);
     let piece = this.pieces.find(fits);
     if (!piece) {

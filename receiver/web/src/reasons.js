@@ -1,5 +1,6 @@
 /** Why there is no cuer: every reason that a player can give, in the page's languages. */
 
+/** @type {Record<string, Words>} */
 export const REASONS = {
   "no-media": {
     en: "There is no <video> or <audio> inside the player.",

@@ -9,7 +9,10 @@ const BEFORE_S = 5;
 /** As far behind the viewer the page's timeline remembers. */
 const KEPT_S = 290;
 
-/** Where the stream file of `media` is: `named`, or the programme's address with `.cue` at its end; "" if nowhere. */
+/**
+ * Where the stream file of `media` is: `named`, or the programme's address with `.cue` at its end; "" if nowhere.
+ * @param {HTMLMediaElement} media @param {string|null} named
+ */
 export function sidecarAddress(media, named) {
   if (named) return new URL(named, document.baseURI).href;
   const address = media.currentSrc || media.src;
@@ -21,7 +24,11 @@ export function sidecarAddress(media, named) {
 }
 
 export class Sidecar {
-  /** Fetch and open a stream file; rejects if there is none or it cannot be read. */
+  /**
+   * Fetch and open a stream file; rejects if there is none or it cannot be read.
+   * @param {HTMLMediaElement} media @param {string} address @param {PlayerFiles} files
+   * @param {HearingHandlers} handlers
+   */
   static async open(media, address, files, handlers) {
     if (!address) throw new Error("the programme has no address of its own");
     const answer = await fetch(address);
@@ -36,6 +43,7 @@ export class Sidecar {
     return sidecar;
   }
 
+  /** @param {HTMLMediaElement} media @param {PlayerFiles} files @param {HearingHandlers} handlers */
   constructor(media, { module, voice, worker }, handlers) {
     this.media = media;
     this.handlers = handlers;
@@ -46,6 +54,7 @@ export class Sidecar {
     this.untilS = -Infinity;
   }
 
+  /** @param {ArrayBuffer} bytes */
   load(bytes) {
     return new Promise((resolve, reject) => {
       this.worker.onerror = (event) => reject(new Error(event.message));

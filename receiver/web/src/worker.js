@@ -39,13 +39,14 @@ let nextS = 0;
 let toldS = 0;
 /** Zeros that were held back, per channel. */
 let held = 0;
-/** The stream file, and how far it has been read, seconds. */
+/** The stream file, and how far it has been read, seconds. @type {any} */
 let file = null;
 let readS = 0;
 
+/** @param {Float32Array[]} planes @param {number} at */
 const isSilent = (planes, at) => planes.every((plane) => plane[at] === 0);
 
-/** Bounds of what is not zero in a block; both are the block's length if there is nothing else. */
+/** Bounds of what is not zero in a block; both are the block's length if there is nothing else. @param {Float32Array[]} planes */
 function soundWithin(planes) {
   const { length } = planes[0];
   let first = 0;
@@ -55,7 +56,7 @@ function soundWithin(planes) {
   return [first, first === length ? length : end];
 }
 
-/** Sort out motion from what is sent as it is. */
+/** Sort out motion from what is sent as it is. @param {any[]} all */
 function sorted(all) {
   const events = [];
   for (const event of all) {
@@ -65,13 +66,17 @@ function sorted(all) {
   return events;
 }
 
+/** @param {Float32Array[]} planes */
 function push(planes) {
   if (live) decoder.clock(Date.now() / 1000);
   nextS += planes[0].length / rateHz;
   return sorted(decoder.push(planes));
 }
 
-/** Decode the stream file up to a time; what lies before `from` is known to the page, or not needed. */
+/**
+ * Decode the stream file up to a time; what lies before `from` is known to the page, or not needed.
+ * @param {{anew: boolean, fromS: number, untilS: number}} wanted
+ */
 function read({ anew, fromS: from, untilS }) {
   if (anew) {
     readS = decoder.open(file).startS;
@@ -82,29 +87,32 @@ function read({ anew, fromS: from, untilS }) {
     const found = decoder.read();
     if (!found) break;
     readS += SUPERFRAME_S;
-    events.push(...sorted(found.filter((event) => event.timeS >= from)));
+    events.push(...sorted(found.filter((/** @type {{timeS: number}} */ event) => event.timeS >= from)));
     if (count % BATCH === 0) send(events.splice(0));
   }
   send(events);
 }
 
+/** @param {any[]} events */
 function send(events) {
   self.postMessage({ type: "heard", segment, events, pieces: pieces.take(), diagnosis: null, lagS: 0 });
 }
 
-/** Push the zeros held back, at most a number of them. */
+/** Push the zeros held back, at most a number of them. @param {number} most */
 function pushZeros(most) {
   const count = Math.min(held, most);
   held -= count;
   return count ? push([new Float32Array(count), new Float32Array(count)]) : [];
 }
 
+/** @param {any} message */
 async function opened({ module, voice, rateHz: rate, channels, announcement, toleranceS }) {
   const made = await Decoder.create(module, voice, { rateHz: rate, channels });
   if (announcement) made.trust(announcement, toleranceS);
   return made;
 }
 
+/** @param {{timeS: number, planes: Float32Array[]}} block */
 function hear({ timeS, planes }) {
   if (!decoder || segment < 0 || timeS < fromS) return;
   if (!begun) {
@@ -131,8 +139,9 @@ function hear({ timeS, planes }) {
   self.postMessage({ type: "heard", segment, events, pieces: changed, diagnosis: decoder.diagnosis(), lagS });
 }
 
+/** @param {(data: any) => void|Promise<void>} action */
 function guarded(action) {
-  return async (event) => {
+  return async (/** @type {MessageEvent} */ event) => {
     try {
       await action(event.data);
     } catch (error) {
