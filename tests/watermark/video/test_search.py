@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, source
-from watermark.video import _place_kernels
+from watermark.video import _place_kernels, search
 from watermark.video.bars import content_box
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import WHOLE, Grid, Region
-from watermark.video.places import source_taps
+from watermark.video.places import PlaceTable, source_taps
 from watermark.video.search import SCALE, PlaceSearch
 from watermark.video.timing import Timing
 
@@ -24,9 +24,9 @@ def marked_frames() -> list[np.ndarray]:
 
 
 def found_places(frames: list[np.ndarray]) -> list[Region]:
-    search = PlaceSearch(frames[0].shape, Timing(Fraction(25)))
+    seeker = PlaceSearch(frames[0].shape, Timing(Fraction(25)))
     small = [np.asarray(frame * SCALE, dtype=np.uint16) for frame in frames]
-    return [candidate.region for frame in small for candidate in search.process(frame)]
+    return [candidate.region for frame in small for candidate in seeker.process(frame)]
 
 
 @pytest.mark.parametrize(
@@ -99,6 +99,35 @@ def test_reduced_picture_has_the_amplitudes_of_the_whole_one() -> None:
     assert Grid(480, 270, reduced=3).project(small) == pytest.approx(amplitude, abs=0.2)
 
 
+def test_votes_of_all_places_are_added() -> None:
+    rng = np.random.default_rng(5)
+    pilots = np.array([[0, 0, 1], [1, 1, 0], [0, 1, 2], [1, 3, 2]])
+    votes = rng.integers(0, 49, (4, 6, 8)).astype(np.int16)
+    across, down = rng.integers(0, 6, (21, 3)), rng.integers(0, 8, (9, 4))
+    table, best, choice = np.ones((21, 9), np.float32), np.empty(21, np.float32), np.zeros(21, int)
+    indices = across.astype(np.uint64), down.astype(np.uint64)
+    _place_kernels.place_scores_into(votes, pilots, *indices, 96, 0.5, 0.6, table, best, choice)
+    for x, y in np.ndindex(table.shape):
+        total = sum(votes[p, across[x, c], down[y, r]] for p, (_, r, c) in enumerate(pilots)) - 96
+        looked_at = (x + y) % 2 == 0
+        assert table[x, y] == pytest.approx(0.6 + 0.5 * total**2 if looked_at else 1.0)
+        assert best[x] >= table[x, y] or not looked_at
+    assert np.array_equal(best, table[np.arange(21), choice])
+
+
+def test_crops_are_sought_less_often_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = []
+
+    def look(self: PlaceTable, *arguments: Any) -> list[tuple[Region, float]]:
+        looks.append(arguments)
+        return []
+
+    monkeypatch.setattr(PlaceTable, "look", look)
+    monkeypatch.setattr(search, "EAGER", 2)
+    found_places([picture(0)] * 98)
+    assert len(looks) == 19  # of 27 without a rest
+
+
 def test_kernels_agree_with_their_python() -> None:
     rng = np.random.default_rng(4)
     picture = rng.normal(100, 20, (30, 40)).astype(np.float32)
@@ -111,9 +140,9 @@ def test_kernels_agree_with_their_python() -> None:
     dither, signs = rng.random(3).astype(np.float32), np.array([1, -1, 1], dtype=np.float32)
     limits = np.array([[1.4, 2.5], [2.2, 3.0]], dtype=np.float32)
     bounds = np.array([12, 18, 4])
-    votes = np.empty((3, 6, 5), dtype=np.int16)
+    votes = np.zeros((3, 6, 8), dtype=np.int16)
     across = rng.integers(0, 6, (7, 3)).astype(np.uint64)
-    down = rng.integers(0, 5, (2, 5)).astype(np.uint64)
+    down = rng.integers(0, 5, (5, 2)).astype(np.uint64)
     table, best = np.ones((7, 5), dtype=np.float32), np.empty(7, dtype=np.float32)
     size = np.array([32, 22, 4, 3, 2], dtype=np.float32)
     start = np.stack([a[pilots[:, 2 - n]] for n, a in enumerate(first)], axis=1)
@@ -126,7 +155,7 @@ def test_kernels_agree_with_their_python() -> None:
             fields, texture, pilots, *first, bounds, dither, 2.8, signs, limits, 0.6, 24.0, votes,
         ),
         "place_scores_into": (
-            votes, pilots, across, down, 0.5, 0.6, table, best, np.zeros(7, dtype=np.int64),
+            votes, pilots, across, down, 72, 0.5, 0.6, table, best, np.zeros(7, dtype=np.int64),
         ),
         "climb_into": (
             fields, texture, pilots, start.astype(np.float32), size, dither, 2.8, signs, limits,
