@@ -100,5 +100,9 @@ class PilotWatch:
         texture : ndarray of float64, shape (PILOTS,)
             Textures of their cells in luma of 8 bits.
         """
+        return np.abs(self.signed_agreement(mean, texture))
+
+    def signed_agreement(self, mean: FloatArray, texture: FloatArray) -> FloatArray:
+        """Agreement with each mode as in `agreement`, below 0 for odd superframes."""
         waves = pilot_waves(mean / self._step - self._dither, texture)
-        return np.asarray(np.abs(self._signs @ waves) / PILOTS)
+        return np.asarray(self._signs @ waves / PILOTS)

@@ -8,6 +8,7 @@ spec/video-carrier.md, section 6.
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,10 @@ since both share three fifths of the pilots' bits."""
 
 ATTEMPTS = 4
 """Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
+
+PARTS = 4
+"""Parts of a window: a coder may show a pattern only from its next good picture on, and the one
+before until then."""
 
 
 class VideoTracker:
@@ -84,6 +89,7 @@ class VideoTracker:
         self._due: float | None = None
         self._last = -math.inf
         self._newest: tuple[int, bytes] | None = None
+        self._newest_place = 0.0
         self._misses = 0
         self._mode = 0
         self.errors = self.known = 0
@@ -133,7 +139,7 @@ class VideoTracker:
     def _search(self, start: int) -> list[ReceivedSuperframe]:
         """Try to decode where the pilots agree; lock on success."""
         mode = int(self._agreement[-1 - self._guard].argmax())
-        offset, soft, decoded = self._attempt(start, mode)
+        offset, soft, decoded, _ = self._attempt(start, mode)
         if decoded.l0 is None:
             return []
         self._mode = mode
@@ -162,12 +168,8 @@ class VideoTracker:
         place = start - self._timing.span
         if place < max(self._count - len(self._frames), self._last + self._timing.span / 2):
             return []
-        now = self._watch.modes[self._mode]
-        tries = [
-            self._decode(round(place), n)
-            for n, mode in enumerate(self._watch.modes)
-            if mode.profile is now.profile
-        ]
+        modes = [self._mode, *self._steps_of(self._mode)]
+        tries = [self._decode(round(place), mode) for mode in modes]
         soft, decoded = max(tries, key=lambda each: each[0].agreement)
         return [] if decoded.l0 is None else [self._deliver(place, soft, decoded)]
 
@@ -179,17 +181,32 @@ class VideoTracker:
             THRESHOLD, agreement[self._guard, self._mode] + OTHER_MODE
         )
         mode = other if sure else self._mode
-        offset, soft, decoded = self._attempt(start, mode)
-        if decoded.l0 is not None:
-            self._mode = mode
+        offset, soft, decoded, late = self._attempt(start, mode)
+        if decoded.l0 is None:
+            # Pilots that are too weak to show the step may leave enough of the data.
+            for mode in self._steps_of(mode):
+                soft, decoded = self._decode(start, mode)
+                if decoded.l0 is not None:
+                    break
         assert self._due is not None
         if decoded.l0 is None:
             return self._deliver(self._due, soft, decoded)
+        self._mode = mode
         if offset:
             self._clock.clear()
+        if late:
+            # Its border was not seen where it is.
+            self._clocked = self._count
+            return self._deliver(self._due, soft, decoded)
         return self._deliver(self._on_time(self._due + offset), soft, decoded)
 
-    def _attempt(self, start: int, mode: int) -> tuple[int, Soft, Decoded]:
+    def _steps_of(self, mode: int) -> list[int]:
+        """Modes of the same profile with other steps."""
+        profile = self._watch.modes[mode].profile
+        same = [n for n, each in enumerate(self._watch.modes) if each.profile is profile]
+        return [n for n in same if n != mode]
+
+    def _attempt(self, start: int, mode: int) -> tuple[int, Soft, Decoded, bool]:
         """Decode the window that starts here, or if that fails one close by.
 
         Returns
@@ -199,22 +216,55 @@ class VideoTracker:
         Soft
         Decoded
             With l0 = None if no window would do.
+        bool
+            Whether only a part of the window shows the pattern.
         """
         nearby = np.array([agreement[mode] for agreement in self._agreement])
         nearby[self._guard] = np.inf
         found = []
         for place in np.argsort(-nearby, kind="stable")[:ATTEMPTS]:
             offset = int(place) - self._guard
-            soft, decoded = self._decode(start + offset, mode)
-            found.append((offset, soft, decoded))
-            if decoded.l1 is not None:
+            found.append((offset, *self._decode(start + offset, mode), False))
+            if not offset and found[-1][2].l1 is None and self._due is not None:
+                found += [(0, *each, True) for each in self._decode_part(start, mode)]
+            if found[-1][2].l1 is not None:
                 return found[-1]
         return max(found, key=lambda each: each[2].l0 is not None)
 
-    def _decode(self, start: int, number: int) -> tuple[Soft, Decoded]:
+    def _decode_part(self, start: int, number: int) -> list[tuple[Soft, Decoded]]:
+        """Decode the frames of a window in which the pilots speak for the parity that is due."""
+        if self._newest is None:
+            return []
+        away = round((start - self._newest_place) / self._timing.span)
+        parity = (self._newest[0] + away) % 2
+        window = self._timing.window
+        first = start - (self._count - len(self._frames))
+        values = [
+            self._frames[first + n][self._watch.positions] for n in range(window + self._guard)
+        ]
+        sums = np.vstack([np.zeros(len(self._watch.positions)), np.cumsum(values, axis=0)])
+        texture = self._texture(start)[self._pilot_cells]
+        borders = [round(window * n / PARTS) for n in range(PARTS + 1)] + [window + self._guard]
+        agreement = {
+            (begin, end): self._watch.signed_agreement(
+                (sums[end] - sums[begin]) / (end - begin), texture
+            )[number]
+            * (1 - 2 * parity)
+            for begin, end in combinations(sorted(set(borders)), 2)
+        }
+        best = max(agreement, key=lambda part: agreement[part])
+        soft, decoded = self._decode(start, number, best)
+        return [(soft, decoded)] if soft.parity == parity else []
+
+    def _decode(
+        self, start: int, number: int, part: tuple[int, int] | None = None
+    ) -> tuple[Soft, Decoded]:
+        """Decode a window, or these frames of it."""
         mode = self._watch.modes[number]
         first = start - (self._count - len(self._frames))
-        values = np.array([self._frames[first + i] for i in range(self._timing.window)])
+        values = np.array(
+            [self._frames[first + n] for n in range(*(part or (0, self._timing.window)))]
+        )
         soft = soft_bits(values.mean(axis=0), values.var(axis=0), mode, self._texture(start))
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
         decoded = mode.link.decode(soft.ratios)
@@ -232,7 +282,7 @@ class VideoTracker:
         self.profile = self._watch.modes[self._mode].profile
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         if decoded.l0 is not None:
-            self._newest = soft.parity, decoded.l0
+            self._newest, self._newest_place = (soft.parity, decoded.l0), place
         self._last = place
         self._due = place + self._timing.span if self._misses <= self.patience else None
         return ReceivedSuperframe(

@@ -151,6 +151,16 @@ def test_frozen_pattern_is_one_superframe() -> None:
     assert [s.l0 for s in found] == [give(0)[0], give(1)[0], None, None]
 
 
+def test_pattern_that_a_coder_shows_late() -> None:
+    """Only the last third of a window has its pattern; before, there is that of the one before."""
+    give = source("standard")
+    marked = mark([picture(0)] * 80, VideoEmbedder(WIDTH, HEIGHT, 25, give))
+    shown = [*marked[:30], *[marked[29]] * 12, *marked[42:]]
+    found = receive(shown, VideoReceiver(WIDTH, HEIGHT, 25))
+    assert [s.l0 for s in found] == [give(k)[0] for k in range(5)]
+    assert [s.position_s for s in found] == pytest.approx([0.64 * k for k in range(5)], abs=0.03)
+
+
 def test_splice_is_found_again() -> None:
     give = source("standard")
     frames = [picture(n) for n in range(96)]
