@@ -8,7 +8,7 @@ spec/video-carrier.md, section 6.
 import math
 from collections import deque
 from dataclasses import replace
-from itertools import combinations
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,12 @@ since both share three fifths of the pilots' bits."""
 ATTEMPTS = 4
 """Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
 
-PARTS = 4
-"""Parts of a window: a coder may show a pattern only from its next good picture on, and the one
-before until then."""
+LATE_BEGINS = 0.0, 0.25, 0.5, 0.75
+"""Where in its window a late pattern may begin to be seen: a coder shows it from its next good
+picture on, and the one before until then."""
+
+LATES = 1
+"""Late superframes in a row that are read so; of more, it is rather the picture that is late."""
 
 
 class VideoTracker:
@@ -90,6 +93,7 @@ class VideoTracker:
         self._last = -math.inf
         self._newest: tuple[int, bytes] | None = None
         self._newest_place = 0.0
+        self._lates = 0
         self._misses = 0
         self._mode = 0
         self.errors = self.known = 0
@@ -184,7 +188,8 @@ class VideoTracker:
         offset, soft, decoded, late = self._attempt(start, mode)
         if decoded.l0 is None:
             # Pilots that are too weak to show the step may leave enough of the data.
-            for mode in self._steps_of(mode):
+            for other in self._steps_of(mode):
+                mode = other
                 soft, decoded = self._decode(start, mode)
                 if decoded.l0 is not None:
                     break
@@ -197,7 +202,9 @@ class VideoTracker:
         if late:
             # Its border was not seen where it is.
             self._clocked = self._count
+            self._lates += 1
             return self._deliver(self._due, soft, decoded)
+        self._lates = 0
         return self._deliver(self._on_time(self._due + offset), soft, decoded)
 
     def _steps_of(self, mode: int) -> list[int]:
@@ -221,40 +228,38 @@ class VideoTracker:
         """
         nearby = np.array([agreement[mode] for agreement in self._agreement])
         nearby[self._guard] = np.inf
-        found = []
+        found: list[tuple[int, Soft, Decoded, bool]] = []
         for place in np.argsort(-nearby, kind="stable")[:ATTEMPTS]:
             offset = int(place) - self._guard
             found.append((offset, *self._decode(start + offset, mode), False))
-            if not offset and found[-1][2].l1 is None and self._due is not None:
-                found += [(0, *each, True) for each in self._decode_part(start, mode)]
+            if offset == 0 and found[0][2].l1 is None and self._lates < LATES:
+                found += self._late(start, mode)
+                if found[0][2].l0 is None and found[-1][2].l0 is not None:
+                    return found[-1]
             if found[-1][2].l1 is not None:
                 return found[-1]
         return max(found, key=lambda each: each[2].l0 is not None)
 
-    def _decode_part(self, start: int, number: int) -> list[tuple[Soft, Decoded]]:
-        """Decode the frames of a window in which the pilots speak for the parity that is due."""
-        if self._newest is None:
+    def _late(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
+        """Decode the end of a window in which the pilots speak best for the parity that is due."""
+        if self._due is None or self._newest is None:
             return []
         away = round((start - self._newest_place) / self._timing.span)
         parity = (self._newest[0] + away) % 2
-        window = self._timing.window
+        window, texture = self._timing.window, self._texture(start)[self._pilot_cells]
         first = start - (self._count - len(self._frames))
-        values = [
-            self._frames[first + n][self._watch.positions] for n in range(window + self._guard)
-        ]
-        sums = np.vstack([np.zeros(len(self._watch.positions)), np.cumsum(values, axis=0)])
-        texture = self._texture(start)[self._pilot_cells]
-        borders = [round(window * n / PARTS) for n in range(PARTS + 1)] + [window + self._guard]
-        agreement = {
-            (begin, end): self._watch.signed_agreement(
-                (sums[end] - sums[begin]) / (end - begin), texture
-            )[number]
-            * (1 - 2 * parity)
-            for begin, end in combinations(sorted(set(borders)), 2)
-        }
-        best = max(agreement, key=lambda part: agreement[part])
-        soft, decoded = self._decode(start, number, best)
-        return [(soft, decoded)] if soft.parity == parity else []
+        pilots = np.array(
+            [self._frames[first + n][self._watch.positions] for n in range(window + self._guard)]
+        )
+        parts = list(product(LATE_BEGINS, (window, window + self._guard)))
+        agreement = []
+        for begin, end in parts:
+            mean = pilots[round(begin * window) : end].mean(axis=0)
+            signed = self._watch.signed_agreement(mean, texture)[number]
+            agreement.append(signed * (1 - 2 * parity))
+        begin, end = parts[int(np.argmax(agreement))]
+        soft, decoded = self._decode(start, number, (round(begin * window), end))
+        return [(0, soft, decoded, True)] if soft.parity == parity else []
 
     def _decode(
         self, start: int, number: int, part: tuple[int, int] | None = None
