@@ -60,9 +60,10 @@ while hunting, for what may be read of it once the sound is understood."""
 class AudioReceiver:
     """Receives superframes, block by block; any split into blocks gives the same output.
 
-    A superframe is handed out at most 0.1 s after its last frame came in, in stretched sound about
-    1.5 s. Those that were on air up to 10 s before the lock are read first, as the purse pays: the
-    first ones after a lock may wait up to 4 s for them.
+    A superframe is handed out at most 0.1 s after its last frame came in, 0.2 s where it cannot be
+    read briefly soon after a lock, in stretched sound 1.5 s. Those that were on air up to 10 s
+    before the lock are read first, as the purse pays: the first ones after a lock may wait up to
+    4 s for them.
 
     Parameters
     ----------
@@ -260,9 +261,13 @@ class AudioReceiver:
         if found.accepted is not None:
             return self._lock(found.mix, found.accepted)
         self._use(found.mix)
+        return self._go_on(found.superframes)
+
+    def _go_on(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
+        """Follow stretched sound that was locked onto, after its first superframes."""
         self._follower.track = None
         self._locked_to(self._stretched.profile)
-        return self._follower.end_past() + self._follower.note(found.superframes)
+        return self._follower.end_past() + self._follower.note(found)
 
     def _follow_stretched(self) -> list[ReceivedSuperframe]:
         """Read the superframe of stretched sound that is due; give the lock up where none is."""
@@ -287,6 +292,11 @@ class AudioReceiver:
     def _follow(self) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; search beside the track where it failed."""
         due = self._follower.track
+        if self._guessing and due is not None:
+            if self._follower.doubts(self._tape):
+                return []
+            if self._follower.doubted and (found := self._stretched.go_on(self._tape, due)):
+                return self._go_on(found)
         before = None if due is None else replace(due)
         found = self._follower.follow(self._tape, self.patience)
         track = self._follower.track

@@ -18,7 +18,7 @@ from watermark.audio.signal.dither import project
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse
-from watermark.audio.signal.profile import HOP, STANDARD
+from watermark.audio.signal.profile import HOP, STANDARD, SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 FS = 48000
@@ -64,6 +64,15 @@ def test_pieces_are_followed(dropped: int, blocks: list[int]) -> None:
     assert all(l0 in sent and l1 in (None, sent[l0]) for l0, l1, _ in results[0] if l0 is not None)
 
 
+def test_pieces_after_usual_superframes_are_read() -> None:
+    whole = 2 * SUPERFRAME + PIECE
+    heard = np.concatenate([marked()[:whole], in_pieces(marked()[whole:].copy(), 400)])
+    receiver, read = AudioReceiver(FS, 1), []
+    for first in range(0, len(heard), 4800):
+        read += [s.l0 for s in receiver.process(heard[first : first + 4800]) if s.l0 is not None]
+    assert len({payload(k)[0] for k in range(7)} & set(read)) >= 6
+
+
 def test_no_second_costs_more_than_the_purse_gives() -> None:
     heard = in_pieces(marked().copy(), 400)
     heard += np.random.default_rng(0).normal(0, 0.002, heard.shape).astype(np.float32)
@@ -92,9 +101,8 @@ def test_a_path_jumps_where_the_sound_does() -> None:
     demodulator = Demodulator(STANDARD, 0)
     paths = Paths(tape, candidate.places, 1.0, demodulator, make_pilots(0), make_masker())
     levels = [float(level) for level in STANDARD.levels_of(candidate.tier)]
-    found = {level: paths.find(level, jump=18.0) for level in levels}
-    level = max(found, key=lambda level: found[level][0])
-    view, places = paths.view(found[level][1], level)
+    level, path = paths.find(levels, jump=18.0)
+    view, places = paths.view(path, level)
     reading = demodulator.read(view, [level])
     assert reading.decoded.l0 in {payload(k)[0] for k in range(14)}
     # Between its seams the superframe has one jump of 400 samples to each; an end may go astray.
@@ -115,7 +123,7 @@ def test_places_between_transforms_are_as_if_transformed() -> None:
     )  # fmt: skip
     # A table that gives the error back, to a 4096th of a step.
     table = np.tile(np.arange(4096) / 4096, (cells.dither.size, 1))
-    seen = found.look_up(20.0, table, np.arange(0.0, apart, 2.0))
+    seen = found.look_up(20.0, table, np.arange(0.0, apart, 2.0))[0]
     true = project(analyse(frames[places], HOP).real, np.tile(units, (places.size, 1)), cells)[0]
     wrong = seen - (true / 20.0 - cells.dither)
     assert np.abs(wrong - np.round(wrong)).max() < 0.03

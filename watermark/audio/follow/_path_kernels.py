@@ -10,68 +10,125 @@ from codec.compiled import njit
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
+def slide_frames(
+    sound: NDArray[np.float32],
+    wave: NDArray[np.float32],
+    turn: NDArray[np.float32],
+    apart: int,
+    anew: int,
+    spectra: NDArray[np.complex64],
+) -> None:
+    """Fill spectra of frames `apart` samples apart, a multiple of four; one of `anew` is made anew.
+
+    wave and turn are the tables of `watermark.audio.signal.mdct.sliding_tables`.
+    """
+    period, bins = wave.shape[1], spectra.shape[1]
+    x, y = np.empty(bins + 1, dtype=np.float32), np.empty(bins + 1, dtype=np.float32)
+    x_next, y_next = x[1:], y[1:]
+    on_x, on_y = turn[0], turn[1]
+    own_x, own_y, other_x, other_y = turn[2], turn[3], turn[4], turn[5]
+    for r in range(spectra.shape[0]):
+        if r % anew == 0:
+            x[:], y[:] = 0.0, 0.0
+            for i in range(period):
+                sample, wave_x, wave_y = sound[r * apart + i], wave[0, i], wave[1, i]
+                for k in range(bins + 1):
+                    x[k] += sample * wave_x[k]
+                    y[k] += sample * wave_y[k]
+        else:
+            for i in range(0, apart, 4):
+                old = (r - 1) * apart + i
+                new = old + period
+                d0, d1 = sound[new] - sound[old], sound[new + 1] - sound[old + 1]
+                d2, d3 = sound[new + 2] - sound[old + 2], sound[new + 3] - sound[old + 3]
+                a0, a1, a2, a3 = wave[0, i], wave[0, i + 1], wave[0, i + 2], wave[0, i + 3]
+                b0, b1, b2, b3 = wave[1, i], wave[1, i + 1], wave[1, i + 2], wave[1, i + 3]
+                for k in range(bins + 1):
+                    x[k] += (d0 * a0[k] + d1 * a1[k]) + (d2 * a2[k] + d3 * a3[k])
+                    y[k] += (d0 * b0[k] + d1 * b1[k]) + (d2 * b2[k] + d3 * b3[k])
+            for k in range(bins + 1):
+                a, b = x[k], y[k]
+                x[k], y[k] = a * on_x[k] - b * on_y[k], a * on_y[k] + b * on_x[k]
+        for k in range(bins):
+            a = (own_x[k] * x[k] - own_y[k] * y[k]) + (
+                other_x[k] * x_next[k] - other_y[k] * y_next[k]
+            )
+            b = (own_x[k] * y[k] + own_y[k] * x[k]) + (
+                other_x[k] * y_next[k] + other_y[k] * x_next[k]
+            )
+            spectra[r, k] = complex(a, b)
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
 def project_rows(
     spectra: NDArray[np.complex64],
-    inverse: NDArray[np.float32],
+    weights: NDArray[np.float32],
     nearest: NDArray[np.int64],
-    signs: NDArray[np.float32],
     first: int,
-    projections: NDArray[np.complex64],
+    real: NDArray[np.float32],
+    imaginary: NDArray[np.float32],
 ) -> None:
-    """projections[r, g] = sum over the bins b of cell g of spectra[r, b] signs[b] inverse[n, b].
+    """Sum over the bins b of cell g spectra[r, b] weights[n, b], into real and imaginary[r, g].
 
-    Row n = nearest[r] of inverse holds what amplitudes are divided by, 0 in all bins of a silent
-    cell; cells begin at bin `first`.
+    Row n = nearest[r] of weights is 0 in all bins of a silent cell; cells begin at bin `first`.
     """
-    groups = projections.shape[1]
-    bins = signs.size // groups
-    for r in range(projections.shape[0]):
-        n = nearest[r]
-        for g in range(groups):
-            total = np.complex64(0.0)
+    bins = weights.shape[1] // real.shape[1]
+    for r in range(real.shape[0]):
+        own = weights[nearest[r]]
+        for g in range(real.shape[1]):
+            x, y = np.float32(0.0), np.float32(0.0)
             for i in range(g * bins, (g + 1) * bins):
-                total += spectra[r, first + i] * (signs[i] * inverse[n, first + i])
-            projections[r, g] = total
+                value = spectra[r, first + i]
+                x += value.real * own[i]
+                y += value.imag * own[i]
+            real[r, g], imaginary[r, g] = x, y
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def look_up(
-    before: NDArray[np.complex64],
-    after: NDArray[np.complex64],
-    alive: NDArray[np.bool_],
+    planes: NDArray[np.float32],
+    step: int,
+    rows: NDArray[np.uint32],
     nearest: NDArray[np.int64],
-    turns: NDArray[np.complex64],
+    turns: NDArray[np.float32],
     dither: NDArray[np.float32],
-    scale: float,
+    units: NDArray[np.float32],
     table: NDArray[np.float32],
-    out: NDArray[np.float32],
+    values: NDArray[np.float32],
+    sums: NDArray[np.float32],
 ) -> None:
-    """out[r turns + d, g] = table[g, error] of a cell, 0 where it is not alive.
+    """values[n, r turns + d, g] = table[rows[nearest[r], g] + error of a cell]; sums over g.
 
-    An error is scale times the real part of before[r, g] turns[0, d, g] + after[r, g]
-    turns[1, d, g], less dither[g]: in steps, to which a table's row has a power of two of values.
-    With one column only, out sums over g.
+    An error is units[n] times the real part of planes[., r, g] turns[., d, g] + planes[., r + step,
+    g] turns[2 + ., d, g], less dither[n, g], in points of the period that a row of the table has, a
+    power of two: the last row holds zeros, for cells that are not alive. Planes are real and
+    imaginary parts. Sums without columns are left out, and values where there are sums.
     """
-    points = table.shape[1]
-    mask = points - 1
-    whole = out.shape[1] == 1
-    unit = np.float32(scale * points)
-    for r in range(before.shape[0]):
-        n = nearest[r]
+    groups, last = planes.shape[2], np.uint32(table.shape[1] - 1)
+    flat = table.reshape(-1)
+    part, at = np.empty(groups, dtype=np.float32), np.empty(groups, dtype=np.uint32)
+    for r in range(planes.shape[1] - step):
+        x, y, x_next, y_next = planes[0, r], planes[1, r], planes[0, r + step], planes[1, r + step]
+        begins = rows[nearest[r]]
         for d in range(turns.shape[1]):
-            row, total = r * turns.shape[1] + d, np.float32(0.0)
-            for g in range(before.shape[1]):
-                p, own, q, next_one = before[r, g], turns[0, d, g], after[r, g], turns[1, d, g]
-                part = p.real * own.real - p.imag * own.imag
-                part += q.real * next_one.real - q.imag * next_one.imag
-                at = int(np.floor(part * unit - dither[g] * points + np.float32(0.5))) & mask
-                value = table[g, at] if alive[n, g] else np.float32(0.0)
-                if whole:
-                    total += value
+            row = r * turns.shape[1] + d
+            on_x, on_y, back_x, back_y = turns[0, d], turns[1, d], turns[2, d], turns[3, d]
+            for g in range(groups):
+                part[g] = x[g] * on_x[g] - y[g] * on_y[g] + x_next[g] * back_x[g]
+                part[g] -= y_next[g] * back_y[g]
+            for n in range(units.size):
+                unit, zero = units[n], dither[n]
+                for g in range(groups):
+                    error = np.int32(np.floor(part[g] * unit - zero[g]))
+                    at[g] = (np.uint32(error) & last) + begins[g]
+                if sums.shape[1]:
+                    total = np.float32(0.0)
+                    for g in range(groups):
+                        total += flat[at[g]]
+                    sums[n, row] = total
                 else:
-                    out[row, g] = value
-            if whole:
-                out[row, 0] = total
+                    for g in range(groups):
+                        values[n, row, g] = flat[at[g]]
 
 
 @njit(cache=True)
@@ -116,7 +173,7 @@ def follow_frames(
                     back[t, n], score[n] = best, least
         for n in range(count):
             row = first + n
-            total = own[row, 0]
+            total = own[row]
             for i in range(slots.shape[1]):
                 total += pilots[kinds[t, i], row, slots[t, i]]
             for g in range(soft.shape[1]):

@@ -25,7 +25,7 @@ from watermark.audio.follow.purse import (
     DecodingPurse,
 )
 from watermark.audio.follow.track import Track, as_used, received
-from watermark.audio.follow.track_reader import FOLLOW, TrackReader
+from watermark.audio.follow.track_reader import FOLLOW, YOUNG, TrackReader
 from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
@@ -47,6 +47,9 @@ SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
 """A search that ends within these samples of the place expected, and with a ratio that differs by
 a smaller part from the expected one, has found nothing new."""
 
+
+PIECES_LATER = 4800
+"""Samples of sound after a superframe that are looked at where it may lie in pieces."""
 
 LATEST_S = 4.0
 """Sound after a lock; past superframes that are still unread at its end are left out."""
@@ -104,6 +107,8 @@ class TrackFollower:
     ----------
     track : Track or None
         Where the next superframe is expected; None where nothing is followed.
+    doubted : bool
+        Whether the next superframe seems to lie in pieces.
     last_start, last_told : float
         Places of the last superframe that was read, and that was handed out.
     """
@@ -112,6 +117,7 @@ class TrackFollower:
         self._fs, self._nominal, self._reader, self._purse = fs, nominal, reader, purse
         self.track: Track | None = None
         self.last_start = self.last_told = -np.inf
+        self.doubted = False
         self._errors = self._counted = 0
         self._past: _Past | None = None
 
@@ -167,6 +173,7 @@ class TrackFollower:
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
         first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
         until = tape.end + LATEST_S * self._fs
+        self.doubted = False
         self.track, self._past = track, _Past(replace(track, bend=0.0), first, until)
         self._hold([self._deliver(track, reading)])
         return [*before, *self.read_past(tape)]
@@ -220,19 +227,32 @@ class TrackFollower:
             self._reader.learn_back(past, raw, reading)
 
     def complete(self, tape: StereoBuffer) -> bool:
-        """Whether the next superframe has arrived."""
+        """Whether the next superframe has arrived, with all that is around it if it is doubted."""
         track = self.track
         if track is None:
             return False
         end = track.position + (SUPERFRAME + HOP) * track.ratio + tape.reach(track.ratio)
-        return end <= tape.end
+        return end + (PIECES_LATER * track.ratio if self.doubted else 0) <= tape.end
+
+    def doubts(self, tape: StereoBuffer) -> bool:
+        """Whether a superframe soon after the lock cannot be read briefly: a lock onto pieces.
+
+        It is then waited for as long as reading it in pieces takes.
+        """
+        track = self.track
+        if track is None or track.misses or track.age >= YOUNG or self.doubted:
+            return False
+        raw = self._reader.view(tape, track)
+        reading = self._reader.read(tape, track, raw, due=True, brief=True)
+        self.doubted = reading.decoded.l0 is None
+        return self.doubted
 
     def follow(self, tape: StereoBuffer, patience: int) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived.
 
         After `patience` failures in a row they are not handed out any more.
         """
-        track = self.track
+        track, self.doubted = self.track, False
         if track is None:
             return []
         kept = LOST if track.misses else 0.0

@@ -5,7 +5,6 @@ Cost: `scheduler.SPEND` units of each second of sound, and the purse's payments 
 outstanding places.
 """
 
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ from watermark.audio.follow.attempt import (
 from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.purse import (
     HUNTED,
-    LEAST_VENTURED,
     PIECES_LOCK,
     DecodingPurse,
     Ventures,
@@ -30,7 +28,7 @@ from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
 from watermark.audio.search.channel_mixes import MID, ChannelMix, find_mix, usual_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
 from watermark.audio.search.rotated_search import RotatedSearch
-from watermark.audio.search.scheduler import NOTHING, HypothesisScheduler
+from watermark.audio.search.scheduler import NOTHING, PROMISING, HypothesisScheduler
 from watermark.audio.search.sound_ring import SoundRing, Stretch
 from watermark.audio.search.stretch_scores import StretchScores, search_stretch, see_stretch
 from watermark.audio.search.stretched_search import (
@@ -53,9 +51,9 @@ RECENT_S = 10.0
 """Sound after which a mark was read long ago."""
 
 
-DOUBT, SURE_PIECES = 10.0, 5.0
-"""Correlation of pilots that makes a candidate in pieces as likely as a deviation more of an usual
-one, and the same in these units from which it is tried with all means: unmarked sound had less."""
+SURE_PIECES = 50.0
+"""Correlation of pilots from which a candidate in pieces promises that the next one is read:
+unmarked sound had less."""
 
 WAITED_S = 3.0
 """Sound for which such a candidate waits until it is paid for."""
@@ -77,8 +75,6 @@ class _Pieces:
         That of a mix which is not the usual one.
     start, found : int
         Where the stretch began, and ended.
-    known : bool
-        Whether a mark was read not long ago.
     """
 
     candidate: StretchedCandidate
@@ -87,7 +83,6 @@ class _Pieces:
     tape: StereoBuffer | None
     start: int
     found: int
-    known: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +133,7 @@ class HypothesisHunter:
         purse: DecodingPurse,
     ) -> None:  # fmt: skip
         self._key, self._fs, self._nominal, self._ventures = key, fs, nominal, Ventures(purse)
-        self._pieces, self._purse = Ventures(purse), purse
+        self._purse = purse
         self._waiting: _Pieces | None = None
         self._ring, self._attempts = ring, attempts
         self._follower, self._stretched = follower, stretched
@@ -151,7 +146,6 @@ class HypothesisHunter:
         """Try the hypotheses due at a time, after more sound; `tape` holds more of a mix."""
         self._scheduler.earn(sound_s)
         self._ventures.earn(sound_s)
-        self._pieces.earn(sound_s)
         if now < self._count:
             return None
         if self._waiting is not None and (found := self._lock_pieces(now, tape)) is not None:
@@ -189,13 +183,13 @@ class HypothesisHunter:
             known = now - self._follower.last_start < RECENT_S * self._fs
             low = stretch.low(guess.speed, guess.stretch_s)
             candidate = find_stretched(self._key, low, least=LEAST_KNOWN if known else LEAST)
+            score = 0.0 if candidate is None else candidate.score
+            self._scheduler.note(guess, PROMISING * score / SURE_PIECES)
             if candidate is None:
                 return None
-            likely = LEAST_VENTURED + (candidate.score - LEAST_KNOWN) / DOUBT
-            if known or self._pieces.allows(likely):
-                own = None if mix == usual else stretch.tape
-                self._waiting = _Pieces(candidate, guess, mix, own, start, now, known)
-            return None if self._waiting is None else self._lock_pieces(now, tape)
+            own = None if mix == usual else stretch.tape
+            self._waiting = _Pieces(candidate, guess, mix, own, start, now)
+            return self._lock_pieces(now, tape)
         turned = guess.kind is PilotHypothesis.TURNED
         accepted = self._try_turned(guess, stretch) if turned else self._try_plain(guess, stretch)
         return None if accepted is None else HuntedMark(mix, accepted, [])
@@ -212,10 +206,8 @@ class HypothesisHunter:
                 self._purse.untried += 1
             return None
         self._waiting = None
-        sound, score = one.tape or tape, one.candidate.score / DOUBT
-        with nullcontext() if one.known else self._pieces.attempt(score, SURE_PIECES):
-            locked = self._stretched.lock(one.candidate, sound, one.start)
-        if not locked:
+        sound = one.tape or tape
+        if not self._stretched.lock(one.candidate, sound, one.start):
             return None
         found = self._stretched.begin(sound, self._follower.last_told)
         self._scheduler.remember(one.guess)

@@ -14,6 +14,7 @@ from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.profile import HOP
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +23,10 @@ class PlaceProjections:
 
     Attributes
     ----------
-    before, after : ndarray of complex64, shape (rows, groups)
-        At a place, and at the one `distance` later.
+    planes : ndarray of float32, shape (2, rows + step, groups)
+        Real and imaginary parts at each place.
+    step : int
+        Rows from a place to the one `distance` later.
     alive : ndarray of bool, shape (units, groups)
         Which cells carry, under each mask.
     nearest : ndarray of int64, shape (rows,)
@@ -34,8 +37,8 @@ class PlaceProjections:
         Of which they are.
     """
 
-    before: NDArray[np.complex64]
-    after: NDArray[np.complex64]
+    planes: Floats
+    step: int
     alive: NDArray[np.bool_]
     nearest: NDArray[np.int64]
     distance: float
@@ -52,21 +55,20 @@ class PlaceProjections:
         """
         from watermark.audio.follow import _path_kernels
 
-        cut = slice(cells.first_bin, cells.last_bin)
-        used = units[:, cut].reshape(len(units), -1, cells.bins)
+        used = units[:, cells.first_bin : cells.last_bin].reshape(len(units), -1, cells.bins)
         alive = np.asarray((used > 0).all(axis=2), dtype=np.bool_)
-        inverse = np.zeros(units.shape, dtype=np.float32)
-        part = np.where(alive[..., np.newaxis], 1 / np.where(used > 0, used, 1.0), 0.0)
-        inverse[:, cut] = part.reshape(len(units), -1)
-        values = np.empty((len(spectra), cells.dither.size), dtype=np.complex64)
-        signs = (cells.signs / np.sqrt(cells.bins)).astype(np.float32)
-        _path_kernels.project_rows(spectra, inverse, nearest, signs, cells.first_bin, values)
-        return cls(values[:-step], values[step:], alive, nearest, distance, cells)
+        weights = np.where(alive[..., np.newaxis], 1 / np.where(used > 0, used, 1.0), 0.0)
+        weights = weights.reshape(len(units), -1) * (cells.signs / np.sqrt(cells.bins))
+        planes = np.empty((2, len(spectra), cells.dither.size), dtype=np.float32)
+        _path_kernels.project_rows(
+            spectra, weights.astype(np.float32), nearest, cells.first_bin, *planes
+        )
+        return cls(planes, step, alive, nearest, distance, cells)
 
     def look_up(
-        self, step: float, table: Array, delays: Array, *, whole: bool = False
-    ) -> NDArray[np.float32]:
-        """Return values of a table by cells' errors, or their sums.
+        self, step: float, table: Array, delays: Array, *, shifts: tuple[float, ...] = (0.0,)
+    ) -> Floats:
+        """Return values of a table by cells' errors.
 
         Parameters
         ----------
@@ -76,24 +78,46 @@ class PlaceProjections:
             Over one step; a power of two of points.
         delays : ndarray of float64, shape (delays,)
             Samples after a row's place, up to `distance`.
-        whole : bool
-            Whether values of all cells are summed.
+        shifts : tuple of float
+            By which lattices are shifted, in steps.
 
         Returns
         -------
-        ndarray of float32, shape (rows * delays, groups), or (rows * delays, 1) for sums
+        ndarray of float32, shape (shifts, rows * delays, groups)
             0 for cells that do not carry.
         """
+        shape = len(shifts), self._count(delays), self.cells.dither.size
+        values, sums = np.empty(shape, dtype=np.float32), np.empty((0, 0), dtype=np.float32)
+        self._look_up((step,) * len(shifts), shifts, table, delays, values, sums)
+        return values
+
+    def sums(self, steps: list[float], table: Array, delays: Array) -> Floats:
+        """Return sums of such values over all cells, shape (steps, rows * delays)."""
+        values = np.empty((0, 0, 0), dtype=np.float32)
+        sums = np.empty((len(steps), self._count(delays)), dtype=np.float32)
+        self._look_up(tuple(steps), (0.0,) * len(steps), table, delays, values, sums)
+        return sums
+
+    def _count(self, delays: Array) -> int:
+        return int((self.planes.shape[1] - self.step) * delays.size)
+
+    def _look_up(
+        self, steps: tuple[float, ...], shifts: tuple[float, ...], table: Array, delays: Array,
+        values: Floats, sums: Floats,
+    ) -> None:  # fmt: skip
         from watermark.audio.follow import _path_kernels
 
         cells, part = self.cells, (delays / self.distance)[:, np.newaxis]
-        middle = np.pi / HOP * (cells.first_bin + cells.bins * (np.arange(cells.dither.size) + 0.5))
+        groups, points = table.shape
+        middle = np.pi / HOP * (cells.first_bin + cells.bins * (np.arange(groups) + 0.5))
         on, back = (np.exp(1j * np.outer(far, middle)) for far in (delays, delays - self.distance))
-        turns = np.stack([(1 - part) * on, part * back]).astype(np.complex64)
-        columns = 1 if whole else cells.dither.size
-        out = np.empty((len(self.before) * delays.size, columns), dtype=np.float32)
+        on, back = (1 - part) * on, part * back
+        turns = np.stack([on.real, on.imag, back.real, back.imag]).astype(np.float32)
+        zeros = points * (np.add.outer(np.array(shifts), cells.dither)) - 0.5
+        rows = points * np.where(self.alive, np.arange(groups), groups)
         _path_kernels.look_up(
-            self.before, self.after, self.alive, self.nearest, turns,
-            cells.dither.astype(np.float32), 1.0 / step, table.astype(np.float32), out,
+            self.planes, self.step, rows.astype(np.uint32), self.nearest,
+            turns, zeros.astype(np.float32),
+            (points / np.array(steps)).astype(np.float32),
+            np.concatenate([table, np.zeros((1, points))]).astype(np.float32), values, sums,
         )  # fmt: skip
-        return out

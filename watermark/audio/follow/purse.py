@@ -28,13 +28,13 @@ VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.3, 0.8, 0.5, 0.7, 0.4, 0.6
 """A superframe's spectra and masks; clues on its cells; the sound that covers it at one level; its
 beliefs; ratios from clues; a search for its delay and drift."""
 
-PIECES, PIECES_LEVEL, PIECES_VIEW = 11.0, 4.5, 6.5
-"""All places of a superframe's frames in sound that lies in pieces, at one level; the path at
-another level; and reading along a path."""
+PIECES, PIECES_VIEW = 14.0, 6.5
+"""All places of a superframe's frames in sound that lies in pieces, at all likely levels; reading
+along one path."""
 
-PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW + 5.0, 40.0
-"""Units that must be left for such a superframe, and units that are waited for: all levels and
-some further paths."""
+PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW + 2.0, 40.0
+"""Units that must be left for such a superframe, and units that are waited for: further paths and
+longer lists."""
 
 PATHS_COST = ((8, 0.2), (32, 0.4), (512, 4.5))
 """Decodings of a class that fail with lists of these lengths, in a mother code of `USUAL_MOTHER`

@@ -9,6 +9,7 @@ ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
 Specification: spec/audio-carrier.md, W48.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +19,10 @@ from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.purse import (
     PIECES,
-    PIECES_LEVEL,
     PIECES_LOCK,
     PIECES_READ,
     PIECES_VIEW,
+    SAVED,
 )
 from watermark.audio.follow.retries import LONGEST_LIST_SIZE
 from watermark.audio.follow.stretched_path import MARGIN, REACH, PathReading, Paths
@@ -43,6 +44,9 @@ from watermark.link.superframe import ReceivedSuperframe
 
 JUMPS = (18.0, 9.0)
 """Natural logarithms of the likelihood ratio that a jump must be worth, tried in turn."""
+
+ATTEMPTS = tuple((None, jump) for jump in JUMPS)
+"""Where a superframe begins, if that is known, and what a jump must be worth: tried in turn."""
 
 TEMPI = (25 / 24, 24 / 25)
 """Of films at 24 pictures a second that are played at 25, and the way back: this a single
@@ -122,7 +126,7 @@ class StretchedFollower:
         levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
         paths = self._paths(tape, centre)
         looked_at = list[PathReading]()
-        read = self._brief(paths, levels, None, looked_at) or self._again(looked_at, due=False)
+        read = self._brief(paths, levels, ATTEMPTS, looked_at) or self._again(looked_at, due=False)
         if read is None:
             return False
         reading, places = read.reading, read.places
@@ -132,6 +136,29 @@ class StretchedFollower:
         self._place = StretchedPlace(first, tempo, tempo, first, reading.level, self._nominal)
         self._first = reading, places
         return True
+
+    def go_on(self, tape: SampleBuffer, track: Track) -> list[ReceivedSuperframe]:
+        """Lock onto the superframe after one that was read as usual, if that is in pieces.
+
+        It is read briefly, as far as the purse pays.
+        """
+        self._demodulator, purse = track.demodulator, self._reader.purse
+        for tempo in TEMPI:
+            if not purse.affords(PIECES_READ):
+                break
+            place = StretchedPlace(
+                track.position, tempo, tempo, track.position, round(track.level), self._nominal,
+                track.position,
+            )  # fmt: skip
+            paths = self._paths(tape, place.position + HOP * self._nominal / tempo * FRAMES)
+            first = [(place.piece, JUMPS[0])]
+            read = self._brief(paths, self._levels_near(place), first, [], tempo)
+            if read is not None:
+                self._place = place
+                place.learn(read.reading.level, read.places, tempo)
+                self.demodulator.learn(read.reading)
+                return [self._received(read.reading, even_start(read.places, tempo, self._nominal))]
+        return []
 
     def begin(self, tape: SampleBuffer, told: float) -> list[ReceivedSuperframe]:
         """Give the superframe that was locked onto, after those before it as far as is paid for.
@@ -165,7 +192,9 @@ class StretchedFollower:
         position = place.position
         if not self._reader.purse.affords(PIECES_READ):
             return self._miss(place)
-        reading, places, tempo = self._read(tape, place)
+        # Whatever this one costs, the next one is read briefly at least.
+        with self._reader.purse.keeping(PIECES_READ / SAVED):
+            reading, places, tempo = self._read(tape, place)
         if reading.decoded.l0 is not None:
             place.learn(reading.level, places, tempo)
             self.demodulator.learn(reading)
@@ -216,15 +245,15 @@ class StretchedFollower:
         """
         others = [tempo for tempo in TEMPI if abs(tempo - place.tempo) > APART]
         tempi = [place.tempo] if place.settled else [place.tempo, *others]
-        near = [place.level + beside for beside in LEVELS_BESIDE]
-        levels = [level for level in near if 0 <= level < len(LEVELS)]
+        levels, known = self._levels_near(place), [(place.piece, JUMPS[0])]
+        attempts = ATTEMPTS if place.piece is None else [*known, *ATTEMPTS]
         looked_at = list[PathReading]()
         for n, tempo in enumerate(tempi):
             if n and not self._reader.purse.affords(PIECES_READ):
                 break
             frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
             paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
-            read = self._brief(paths, levels, place.piece, looked_at, tempo)
+            read = self._brief(paths, levels, attempts, looked_at, tempo)
             if read is not None:
                 return read.reading, read.places, tempo
         read = self._again(looked_at, due=not back)
@@ -232,38 +261,34 @@ class StretchedFollower:
             return read.reading, read.places, read.tempo
         return looked_at[0].reading, looked_at[0].places, place.tempo
 
+    @staticmethod
+    def _levels_near(place: StretchedPlace) -> list[float]:
+        near = [place.level + beside for beside in LEVELS_BESIDE]
+        return [level for level in near if 0 <= level < len(LEVELS)]
+
     def _paths(self, tape: SampleBuffer, centre: Array) -> Paths:
         self._reader.purse.charge(PIECES)
         return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
 
     def _brief(
-        self, paths: Paths, levels: list[float], first: float | None, looked_at: list[PathReading],
-        tempo: float = 1.0,
+        self, paths: Paths, levels: list[float], attempts: Sequence[tuple[float | None, float]],
+        looked_at: list[PathReading], tempo: float = 1.0,
     ) -> PathReading | None:  # fmt: skip
-        """Read briefly along the likeliest paths, the first of them from `first` on if given.
+        """Read briefly along the likeliest paths: from some place on, jumps being worth so much.
 
         Each is noted, as far as the purse pays; the one that was read is returned.
         """
-        attempts: list[tuple[float | None, float]] = [(None, jump) for jump in JUMPS]
-        if first is not None:
-            attempts[:0] = [(first, JUMPS[0])] * 2
-        known_levels = 1
         for n, (begin, jump) in enumerate(attempts):
-            # The level of the superframe before comes first, its neighbours only if that fails.
-            tried = levels[: 1 if n == 0 and begin is not None else len(levels)]
-            cost = PIECES_VIEW + PIECES_LEVEL * max(len(tried) - known_levels, 0)
-            known_levels = max(len(tried), known_levels)
             if not n:
-                self._reader.purse.charge(cost)
-            elif not self._reader.purse.pays(cost):
+                self._reader.purse.charge(PIECES_VIEW)
+            elif not self._reader.purse.pays(PIECES_VIEW):
                 return None
-            found = {level: paths.find(level, jump=jump, first=begin) for level in tried}
-            level = max(found, key=lambda level: found[level][0])
-            view, places = paths.view(found[level][1], level)
+            level, path = paths.find(levels, jump=jump, first=begin)
+            view, places = paths.view(path, level)
             reading = self.demodulator.read(view, [level], brief=True)
             if reading.decoded.l0 is not None and reading.decoded.l1 is None:
                 known, level = self.demodulator.expected(reading.decoded), reading.level
-                _, again = paths.find(level, jump=jump, first=begin, expected=known)
+                again = paths.find_known(level, known, jump=jump, first=begin)
                 better, _ = paths.view(again, level, known)
                 reading = self.demodulator.read_second(reading, better)
             looked_at.append(PathReading(view, level, paths.on_tape(places), tempo, reading))

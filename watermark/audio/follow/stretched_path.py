@@ -7,6 +7,7 @@ costs. Specification: spec/audio-carrier.md, W48.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from watermark.audio.follow.interference import POINTS
 from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.signal.layout import Pilots
 from watermark.audio.signal.masking import Masker
-from watermark.audio.signal.mdct import analyse
+from watermark.audio.signal.mdct import analyse, sliding_tables
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
@@ -30,6 +31,9 @@ TURNS = 8
 BETWEEN = GRID * np.arange(float(TURNS))
 """Samples from a transform to those."""
 
+ANEW = 256
+"""Transforms that slide on from one that is made anew: rounding errors do not grow beyond them."""
+
 REACH = 1200
 """Samples before and after the even pace within which a frame is looked for."""
 
@@ -38,6 +42,9 @@ MASKED = 48
 
 FINE_REACH, FINE = 2, np.arange(0.0, 2.0, 0.5)
 """Samples before and after within which each piece is then moved, and delays within as many."""
+
+BITS = (0.0, 0.5)
+"""Shifts of the lattices of both bits, in steps."""
 
 BESIDE = 1
 """Places on either side of the expected one at which a piece counts as going on."""
@@ -114,14 +121,15 @@ class Paths:
         frames = np.lib.stride_tricks.sliding_window_view(self._sound, 2 * HOP)
         cells, slots = demodulator.layout.cells, pilots.cells
         bins = max(cells.last_bin, slots.last_bin)
-        spectra = analyse(frames[rows[0] : rows[-1] + 1 : GRID * TURNS], HOP, bins)
+        spectra = _slide(self._sound[rows[0] :], rows.size, bins)
         units = self._units(frames, rows, bins)
         nearest = np.minimum(np.round((rows - rows[0]) / MASKED).astype(np.int64), len(units) - 1)
         apart = float(GRID * TURNS)
         self._cells = PlaceProjections.of(spectra, units, nearest, apart, cells)
         self._slots = PlaceProjections.of(spectra, units, nearest, apart, slots)
         self._pilots = pilots
-        self._levels: dict[float, tuple[Floats, Floats]] = {}
+        self._levels: dict[float, Floats] = {}
+        self._tiers: dict[float, Floats] = {}
 
     def _units(self, frames: Floats, rows: NDArray[np.int64], bins: int) -> Array:
         """Amplitudes of the mark's unit in frames `MASKED` samples apart, from the first row on."""
@@ -131,38 +139,55 @@ class Paths:
         return self._masker.amplitudes(threshold[back:], threshold[:-back])[:, :bins]
 
     def find(
-        self, level: float, *, jump: float, first: float | None = None,
-        expected: Array | None = None,
-    ) -> tuple[float, Array]:  # fmt: skip
-        """Likeliest path at a level.
+        self, levels: list[float], *, jump: float, first: float | None = None
+    ) -> tuple[float, Array]:
+        """Likeliest path at the likeliest of some levels.
 
         Parameters
         ----------
-        level : float
+        levels : list of float
             Of the superframe.
         jump : float
             Natural logarithm of the likelihood ratio that a jump must be worth.
         first : float, optional
             Where the superframe begins unless there is a jump: samples of the tape.
-        expected : ndarray of float64, shape (64, groups), optional
-            Soft values that decoded bits ask for, 0 where unknown.
 
         Returns
         -------
-        score : float
-            Log-likelihood ratio of the path, jumps paid.
+        level : float
+            The likeliest.
         places : ndarray of float64, shape (64,)
             Where frames begin, in samples of the sound that was read.
         """
+        self._look_at(levels)
+        none: Floats = np.zeros((0, 0), dtype=np.float32)
+        found = [
+            self._follow(self._levels[level], self._pilots_at(level), (none, none), jump, first)
+            for level in levels
+        ]
+        best = int(np.argmax([score for score, _ in found]))
+        return levels[best], found[best][1]
+
+    def find_known(
+        self, level: float, expected: Array, *, jump: float, first: float | None = None
+    ) -> Array:
+        """Likeliest path of a superframe with known bits, see `find`.
+
+        `expected` are the soft values that they ask for, shape (64, groups), 0 where unknown.
+        """
+        profile = self._demodulator.profile
+        soft = self._cells.look_up(profile.step(level), _cosines(profile.groups), BETWEEN)[0]
+        own: Floats = np.zeros(len(soft), dtype=np.float32)
+        known = soft, expected.astype(np.float32)
+        return self._follow(own, self._pilots_at(level), known, jump, first)[1]
+
+    def _follow(
+        self, own: Floats, pilots: Floats, known: tuple[Floats, Floats], jump: float,
+        first: float | None,
+    ) -> tuple[float, Array]:  # fmt: skip
+        """Likeliest path by evidence of cells, of pilots and of known bits; its score, places."""
         from watermark.audio.follow import _path_kernels
 
-        own, pilots = self._told(level)
-        soft: Floats = np.zeros((len(own), 0), dtype=np.float32)
-        known: Array = np.zeros((1, 0))
-        profile = self._demodulator.profile
-        if expected is not None:
-            own, known = np.zeros_like(own), expected
-            soft = self._cells.look_up(profile.step(level), _cosines(profile.groups), BETWEEN)
         offsets = (self._first - self._row) // GRID
         start = np.zeros(2 * REACH // GRID + 1)
         if first is not None:
@@ -170,11 +195,10 @@ class Paths:
             begins = np.abs(np.arange(start.size) - at) <= BESIDE
             start[~begins] = -jump
         path = np.empty(FRAMES_PER_SUPERFRAME, dtype=np.int64)
-        kinds = (self._pilots.signs[profile.number] < 0).astype(np.int64)
+        kinds = (self._pilots.signs[self._demodulator.profile.number] < 0).astype(np.int64)
         score = _path_kernels.follow_frames(
-            own, pilots, self._pilots.slots, kinds, soft, known.astype(np.float32), offsets,
-            HOP // GRID, jump, start, path,
-        )  # fmt: skip
+            own, pilots, self._pilots.slots, kinds, *known, offsets, HOP // GRID, jump, start, path
+        )
         return score, (self._row + GRID * path).astype(np.float64)
 
     def view(
@@ -195,12 +219,12 @@ class Paths:
             np.concatenate(spectra), units, np.tile(np.arange(frames), 3),
             float(FINE_REACH), cells, step=frames,
         )  # fmt: skip
-        shape = 2, frames, FINE.size, -1
+        shape = 2, frames, FINE.size
         if expected is None:
-            told = found.look_up(step, self._demodulator.coverage.unknown, FINE, whole=True)
-            fit = np.asarray(told.reshape(shape).sum(axis=3), dtype=np.float64)
+            sums = found.sums([step], self._demodulator.coverage.unknown, FINE)
+            fit = sums.reshape(shape).astype(np.float64)
         else:
-            soft = found.look_up(step, _cosines(profile.groups), FINE).reshape(shape)
+            soft = found.look_up(step, _cosines(profile.groups), FINE).reshape(*shape, -1)
             fit = np.einsum("ptdg,tg->ptd", soft, expected)
         places, delays = places.copy(), np.concatenate([FINE - FINE_REACH, FINE])
         cuts = np.flatnonzero(np.diff(places) != HOP) + 1
@@ -231,20 +255,35 @@ class Paths:
         frames = np.lib.stride_tricks.sliding_window_view(sound, 2 * HOP)
         return np.asarray(analyse(frames[at], HOP))
 
-    def _told(self, level: float) -> tuple[Floats, Floats]:
-        """Evidence of cells with unknown bits at each place, (n, 1), and of pilots of either bit.
+    def _look_at(self, levels: list[float]) -> None:
+        """Note the evidence of cells with unknown bits at each place, at levels that are new."""
+        new = [level for level in levels if level not in self._levels]
+        if new:
+            steps = [self._demodulator.profile.step(level) for level in new]
+            sums = self._cells.sums(steps, self._demodulator.coverage.unknown, BETWEEN)
+            self._levels.update(zip(new, sums, strict=True))
 
-        The latter has the shape (2, n, PILOT_SLOTS).
-        """
-        if level not in self._levels:
-            profile, coverage = self._demodulator.profile, self._demodulator.coverage
-            own = self._cells.look_up(profile.step(level), coverage.unknown, BETWEEN, whole=True)
-            step = profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
-            known = coverage.known
-            tables = known, np.roll(known, POINTS // 2, axis=1)
-            pilots = np.stack([self._slots.look_up(step, table, BETWEEN) for table in tables])
-            self._levels[level] = own, pilots
-        return self._levels[level]
+    def _pilots_at(self, level: float) -> Floats:
+        """Evidence of pilots of either bit at each place, shape (2, n, PILOT_SLOTS)."""
+        step = self._demodulator.profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
+        if step not in self._tiers:
+            known = self._demodulator.coverage.known
+            self._tiers[step] = self._slots.look_up(step, known, BETWEEN, shifts=BITS)
+        return self._tiers[step]
+
+
+def _slide(sound: Floats, count: int, bins: int) -> Spectra:
+    """Spectra of frames `GRID` times `TURNS` samples apart."""
+    from watermark.audio.follow import _path_kernels
+
+    spectra = np.empty((count, bins), dtype=np.complex64)
+    _path_kernels.slide_frames(sound, *_waves(bins), GRID * TURNS, ANEW, spectra)
+    return spectra
+
+
+@lru_cache(maxsize=4)
+def _waves(bins: int) -> tuple[Floats, Floats]:
+    return sliding_tables(HOP, bins, GRID * TURNS)
 
 
 def _cosines(groups: int) -> Array:

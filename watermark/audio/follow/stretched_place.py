@@ -20,7 +20,7 @@ PRIOR = 2.0
 SETTLED = 4
 """Superframes that were read after which the tempo is known."""
 
-MAX_MISSES, MAX_UNSETTLED = 6, 1
+MAX_MISSES, MAX_UNSETTLED = 6, 2
 """Superframes in a row that may fail before the lock is given up, and while the tempo is not known:
 the place of the next one is not, either."""
 
