@@ -246,6 +246,7 @@ class GestureSynthesiser:
         plan = self._plan(score)
         rule = self._movement
 
+        # Every channel moves from target to target by the law, each with its own lateness.
         def course(values: FloatArray, begin_s: Lateness, end_s: Lateness) -> FloatArray:
             begins, ends = (np.broadcast_to(x, values.shape[1:]) for x in (begin_s, end_s))
             return moved(
@@ -253,6 +254,9 @@ class GestureSynthesiser:
                 begins_s=begins, ends_s=ends, movement=rule,
             )  # fmt: skip
 
+        # head    = drift + its turn towards the hand
+        # forearm = course of the targets + drift + arc beside the straight way
+        #           + the part of the head's motion that the placement shares
         head = self._head_drift.at(times)
         head[:, :3] += course(plan.meets, rule.head_begin_s, rule.head_end_s)
         carrier = course(np.column_stack([plan.target, plan.follows]), 0.0, 0.0)
@@ -273,6 +277,7 @@ class GestureSynthesiser:
         for number in 1 + _under_way(g.leave[1:], g.reach[1:], times):
             here = slice(*np.searchsorted(times, [g.leave[number], g.reach[number]]))
             elapsed = (times[here] - g.leave[number]) / (g.reach[number] - g.leave[number])
+            # A parabola over the way: 0 at both ends, the arc's height at its middle.
             part = self._profile(elapsed**self._movement.power)
             arc = self.arcs[keys[number - 1], keys[number]]
             out[here] += np.outer(4.0 * part * (1.0 - part) * path[number - 1], arc)
@@ -360,6 +365,8 @@ class GestureSynthesiser:
         names = [PLACEMENTS[number] for number in placement]
         angles, forearm = self._key_targets(shape, placement)
         habits = self.body.habits
+        # Aim: each key misses its target by noise that depends on its moment alone, so that a
+        # plan made again, or from a later start, gives the same hand.
         for number, moment in enumerate(gestures.reach):
             noise = normals_at(moment, len(HAND_ANGLES) + 6, self._seed)
             noise = _AIM[names[number]] * np.clip(noise, -_WIDEST, _WIDEST)

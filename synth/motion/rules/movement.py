@@ -154,6 +154,7 @@ def plan_gestures(
         before is None or key.start - before.end >= options.rest_gap_s
         for before, key in zip((None, *keys), keys, strict=False)
     ]
+    # shown: rest, key, key, ..., rest, with a rest wherever the hand has time for one.
     shown, ways = [_REST], list[float]()
     for key, from_rest in zip(keys, rested, strict=True):
         if from_rest and ways:
