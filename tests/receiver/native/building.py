@@ -1,9 +1,14 @@
-"""Programs of the native receiver, built once by the machine's compiler."""
+"""Programs of the native receiver, built once in a run by the machine's compiler."""
 
+import contextlib
+import fcntl
 import functools
+import hashlib
+import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,14 +26,27 @@ def library(*flags: str) -> tuple[str, str]:
     archiver = shutil.which("ar")
     if compiler is None or archiver is None:
         pytest.skip("no C compiler")
-    folder = Path(tempfile.mkdtemp())
-    sources = sorted(str(path) for path in (NATIVE / "src").glob("*.c"))
-    _quietly([compiler, *FLAGS, *flags, *INCLUDES, "-c", *sources], folder)
-    vendored = sorted(str(path) for path in NATIVE.glob("vendor/*/*.c"))
-    _quietly([compiler, "-std=c11", "-O2", "-w", *flags, "-c", *vendored], folder)
-    objects = sorted(str(path) for path in folder.glob("*.o"))
-    _quietly([archiver, "rcs", "libcuecast.a", *objects], folder)
+    with _folder(flags) as folder:
+        if not (folder / "libcuecast.a").exists():
+            sources = sorted(str(path) for path in (NATIVE / "src").glob("*.c"))
+            _quietly([compiler, *FLAGS, *flags, *INCLUDES, "-c", *sources], folder)
+            vendored = sorted(str(path) for path in NATIVE.glob("vendor/*/*.c"))
+            _quietly([compiler, "-std=c11", "-O2", "-w", *flags, "-c", *vendored], folder)
+            objects = sorted(str(path) for path in folder.glob("*.o"))
+            _quietly([archiver, "rcs", "libcuecast.a", *objects], folder)
     return compiler, str(folder / "libcuecast.a")
+
+
+@contextlib.contextmanager
+def _folder(flags: tuple[str, ...]) -> Iterator[Path]:
+    """Yield the folder of builds with these flags; all workers of a run share it, in turn."""
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
+    name = hashlib.sha256(" ".join([run, *flags]).encode()).hexdigest()[:16]
+    folder = Path(tempfile.gettempdir()) / f"cuecast-native-{os.getuid()}-{name}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield folder
 
 
 @functools.cache
@@ -36,11 +54,11 @@ def built(name: str, *flags: str) -> str:
     """Return a program of `tools`, `tests` or `examples`; a warning is an error."""
     compiler, archive = library(*flags)
     source = next(NATIVE.glob(f"*/{name}.c"))
-    program = Path(archive).parent / name
-    _quietly(
-        [compiler, *FLAGS, *flags, *INCLUDES, str(source), archive, "-lm", "-o", str(program)],
-        program.parent,
-    )
+    with _folder(flags) as folder:
+        program = folder / name
+        if not program.exists():
+            command = [compiler, *FLAGS, *flags, *INCLUDES, str(source), archive, "-lm"]
+            _quietly([*command, "-o", str(program)], folder)
     return str(program)
 
 
