@@ -78,7 +78,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture(scope="session")
 def short(workshop: tuple[Path, str]) -> Path:
-    """The demonstration's files in short: only README's commands run on the whole programme."""
+    """The demonstration's files in short, for the commands of all pages."""
     folder = workshop[0] / "short"
     folder.mkdir()
     made = {"programme.mkv", "programme.srt", *(file for _, file, _, _ in BROADCASTS)}
@@ -109,8 +109,7 @@ def rooms(workshop: tuple[Path, str], short: Path) -> dict[str, tuple[Path, dict
         if block.page not in rooms:
             folder = workshop[0] / block.page.replace("/", "-")
             folder.mkdir()
-            files = workshop[0] / "demo-out" if block.page == "README.md" else short
-            (folder / "demo-out").symlink_to(files)
+            (folder / "demo-out").symlink_to(short)
             rooms[block.page] = folder, {"__name__": "page"}
     return rooms
 

@@ -86,7 +86,7 @@ def quick() -> Iterator[None]:
 @pytest.mark.parametrize(
     ("start", "clock_s", "width"),
     [
-        (0, None, 9), (5, None, 2), (11, None, 9),
+        (0, None, 9), pytest.param(5, None, 2, marks=pytest.mark.slow), (11, None, 9),
         *((start, BEGIN_S + 3.0, width) for start in (0, 5, 11) for width in (9, 2)),
     ],
 )  # fmt: skip
@@ -144,7 +144,12 @@ def test_a_period_s_chain_goes_over_into_the_next() -> None:
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(
     ("width", "loss", "least"),
-    [(9, 0.01, 0.99), (9, 0.05, 0.85), (2, 0.01, 0.97), (2, 0.05, 0.1)],
+    [
+        (9, 0.01, 0.99),
+        pytest.param(9, 0.05, 0.85, marks=pytest.mark.slow),
+        pytest.param(2, 0.01, 0.97, marks=pytest.mark.slow),
+        (2, 0.05, 0.1),
+    ],
 )
 def test_losses_cost_little(width: int, loss: float, least: float) -> None:
     """Of those that arrive: 99.8 and 90 %, of compact ones 98 and 14 %; none counts as forged."""
@@ -157,10 +162,13 @@ def test_losses_cost_little(width: int, loss: float, least: float) -> None:
     assert found.count("verified") / len(found) > least
 
 
-def test_one_changed_superframe_costs_itself_alone() -> None:
-    """At every place within a block; a changed proof costs nothing."""
+@pytest.mark.parametrize(
+    "places", [(20, 31), pytest.param(range(20, 41, 4), marks=pytest.mark.slow)]
+)
+def test_one_changed_superframe_costs_itself_alone(places: Iterable[int]) -> None:
+    """At places within a block; a changed proof costs nothing."""
     sent = signed(70)
-    for index in range(20, 41, 4):
+    for index in places:
         for part in (0, 1):
             changed = list(sent)
             data, (value, width) = changed[index]

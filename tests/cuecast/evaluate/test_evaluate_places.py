@@ -18,7 +18,14 @@ def options(clips: Path | None, *cuers: str) -> EvaluateOptions:
     return EvaluateOptions(clips, None, 0, Path(), lambda line: None, cuers=cuers or None)
 
 
-@pytest.mark.parametrize("cuer", ["claire/minimum-jerk", "agathe/minimum-jerk", "solange/measured"])
+@pytest.mark.parametrize(
+    "cuer",
+    [
+        "claire/minimum-jerk",
+        pytest.param("agathe/minimum-jerk", marks=pytest.mark.slow),
+        "solange/measured",
+    ],
+)
 def test_virtual_cuers_point_where_real_ones_do(cuer: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(places, "_PASSED_IN", 0)
     rows = places.evaluate(options(None, cuer))

@@ -83,6 +83,7 @@ def test_strokes_are_found_where_they_are() -> None:
     assert stroke_figures([Filmed(still)]) == {}
 
 
+@pytest.mark.slow
 def test_movement_is_that_of_real_cuers() -> None:
     """Most of the ten rows of their table at their pace, on sentences of every kind.
 

@@ -177,13 +177,8 @@ def by_pause(phones: tuple[Phone, ...]) -> list[list[Phone]]:
     return parts
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "silence",
-        *(pytest.param(k, marks=pytest.mark.slow) for k in ("other words", "noise", "music")),
-    ],
-)
+@pytest.mark.slow  # each day: test_sounds_and_text_that_do_not_fit_are_timed_by_subtitle
+@pytest.mark.parametrize("kind", ["silence", "other words", "noise", "music"])
 def test_what_does_not_belong_together_is_told(kind: str) -> None:
     notes: list[str] = []
     judged: list[Judgement] = []

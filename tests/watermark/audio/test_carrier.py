@@ -1,3 +1,4 @@
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,18 @@ def check(found: list[ReceivedSuperframe], start_s: float = 0.0) -> None:
         assert abs(superframe.position_s + start_s - k * SUPERFRAME_S) < 1e-3
 
 
-@pytest.mark.parametrize("fs", [32000, 44100, 48000])
-@pytest.mark.parametrize("channels", [1, 2, 6])
+FORMATS = list(itertools.product((32000, 44100, 48000), (1, 2, 6)))
+EACH_ONCE = ((32000, 1), (44100, 6), (48000, 2))
+"""Every rate and every number of channels; the slow tests have all pairs."""
+
+
+@pytest.mark.parametrize(
+    ("fs", "channels"),
+    [
+        *EACH_ONCE,
+        *(pytest.param(*f, marks=pytest.mark.slow) for f in FORMATS if f not in EACH_ONCE),
+    ],
+)
 def test_round_trip(fs: int, channels: int) -> None:
     x = host(4.0, fs, channels)
     y = embed(x, fs)
@@ -66,14 +77,16 @@ def test_round_trip(fs: int, channels: int) -> None:
     check(found)
 
 
-@pytest.mark.parametrize("start", [1, 12345, 29999])
+@pytest.mark.parametrize(
+    "start", [12345, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 29999))]
+)
 def test_tune_in_anywhere(start: int) -> None:
     found = receive(embed(host(4.0))[start:])
     assert len(found) >= 5
     check(found, start / 48000)
 
 
-@pytest.mark.parametrize("block", [1000, 4801])
+@pytest.mark.parametrize("block", [pytest.param(1000, marks=pytest.mark.slow), 4801])
 def test_blocks_do_not_matter(block: int) -> None:
     x = host(3.0, seed=1)
     whole = embed(x)
@@ -128,19 +141,21 @@ def test_centre_takes_its_share() -> None:
     assert np.abs(early[:, :2]).max() < 1e-6 < early[:, 2].std()
     assert np.abs(late[:, 2]).max() < 1e-6 < late[:, 0].std()
     assert not added[:, 3:].any()
-    check(receive(y))
-    assert len(receive(y)) == 6
+    found = receive(y)
+    check(found)
+    assert len(found) == 6
     np.testing.assert_array_equal(embed(x), y)
 
 
-@pytest.mark.parametrize("silent", [0, 1])
+@pytest.mark.parametrize("silent", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_silent_channel_stays_silent(silent: int) -> None:
     x = host(4.0)
     x[:, silent] = 0.0
     y = embed(x, block=7000)
     assert np.abs(y[:, silent]).max() < 1e-6 < (y - x)[:, 1 - silent].std()
-    assert len(receive(y)) == 6
-    check(receive(y))
+    found = receive(y)
+    assert len(found) == 6
+    check(found)
 
 
 def test_silence_comes_out_unharmed() -> None:
