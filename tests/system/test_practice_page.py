@@ -113,6 +113,8 @@ async def _learn() -> None:
         await page.screenshot(ARTEFACTS / "sheet.png")
         drawn = "[...document.images].map((one) => one.naturalWidth * one.naturalHeight)"
         assert min(await page.evaluate(drawn)) > 100_000
+        await page.call("Page.navigate", url=f"{url}page/sheet.html")
+        await page.until("document.querySelectorAll('.cells img').length === 13")
         assert page.errors == []
         assert all(request.startswith((url, "data:")) for request in page.requests)
 
@@ -164,7 +166,7 @@ async def _go_through(trial: Trial) -> set[str]:
         status = "document.getElementById('status').textContent"
         while not await page.evaluate(over):
             assert await page.evaluate(status) == ""
-            seen.add(await page.evaluate("document.getElementById('captions').textContent"))
+            seen.add(await page.evaluate("document.getElementById('captions').innerText"))
             if await page.evaluate("!!document.querySelector('#box button:not(:disabled)')"):
                 await page.screenshot(ARTEFACTS / f"{trial.kind}.png")
                 await page.press("2", 50)

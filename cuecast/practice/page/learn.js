@@ -1,7 +1,7 @@
 /** The learner's page: a sentence slowly, a syllable in a loop, quizzes. */
 
 import { ask, fetched, Player } from "./player.js";
-import { alone, group, PLACES, spelled } from "./spelling.js";
+import { group, PLACES, spelled } from "./spelling.js";
 
 /** @param {string} id */
 const find = (id) => /** @type {any} */ (document.getElementById(id));
@@ -11,6 +11,9 @@ const BEFORE_S = 0.35;
 const AFTER_S = 0.15;
 
 const QUESTIONS = 10;
+
+/** Phones that no question of keys names: hardly a syllable begins with them alone. */
+const SELDOM = ["ɥ", "w", "ŋ"];
 
 /** How long after its begin a phrase counts as the one that was just seen, seconds. */
 const SLACK_S = 0.3;
@@ -208,7 +211,8 @@ class Learner {
       if (quiz !== this.quiz) return;
       score += Number(choice === right);
       const keys = this.item.keys.map((/** @type {Key} */ key) => `${key.phones.map(spelled).join("")} : ${key.shape}, ${PLACES[key.placement]}`).join(" ; ");
-      await this.next("doubles", choice === right ? `Oui, « ${words[right]} » (${keys}).` : `Non, c’était « ${words[right]} » (${keys}). Regardez encore.`);
+      if (choice !== right) this.play();
+      await this.next("doubles", right, choice === right ? `Oui, « ${words[right]} » (${keys}).` : `Non, c’était « ${words[right]} » (${keys}). Regardez encore.`);
       if (quiz !== this.quiz) return;
     }
     this.end("doubles", score, questions.length);
@@ -226,22 +230,24 @@ class Learner {
       this.still(Number(shape), place);
       const options = [[shape, place], [otherShape, place], [shape, otherPlace], [otherShape, otherPlace]];
       const order = drawn([0, 1, 2, 3]);
-      const words = order.map((k) => `${alone(drawn(shapes[options[k][0]])[0])} + ${spelled(drawn(placements[options[k][1]])[0])}`);
+      const consonants = (/** @type {string} */ name) => shapes[name].filter((/** @type {string} */ phone) => !SELDOM.includes(phone));
+      const words = order.map((k) => `${spelled(drawn(consonants(options[k][0]))[0])} + ${spelled(drawn(placements[options[k][1]])[0])}`);
       this.say(`Question ${i + 1} sur ${QUESTIONS}`);
       const { choice } = await ask(find("gestures-box"), "Quelle syllabe ?", words);
       if (quiz !== this.quiz) return;
       const right = order[choice] === 0;
       score += Number(right);
       const rule = `main ${shape} (${group(shapes[shape])}), ${PLACES[place]} (${group(placements[place])})`;
-      await this.next("gestures", right ? `Oui : ${rule}.` : `Non, c’était « ${words[order.indexOf(0)]} » : ${rule}.`);
+      await this.next("gestures", order.indexOf(0), right ? `Oui : ${rule}.` : `Non, c’était « ${words[order.indexOf(0)]} » : ${rule}.`);
       if (quiz !== this.quiz) return;
     }
     this.end("gestures", score, QUESTIONS);
   }
 
-  /** Say how it was and wait for the button that goes on. @param {string} name @param {string} text */
-  next(name, text) {
+  /** Say how it was, mark the choice that was right and wait for the button that goes on. @param {string} name @param {number} right @param {string} text */
+  next(name, right, text) {
     this.say(text);
+    find(`${name}-box`).querySelectorAll(".answers button")[right].classList.add("right");
     return new Promise((resolve) => {
       const button = document.createElement("button");
       button.className = "main";

@@ -1,16 +1,20 @@
-/** A sheet to print: each key of a text with the hand drawn, the lips those of its last sound. */
+/** A sheet to print: the keys of a text, each with the lips of its last sound, or without a text the chart of all keys. */
 
 import { fetched, Player } from "./player.js";
-import { PLACES, spelled } from "./spelling.js";
+import { group, PLACES, spelled } from "./spelling.js";
 
 /** @param {string} id */
 const find = (id) => /** @type {any} */ (document.getElementById(id));
 
 /** Left, top and size of the part that is printed, as shares of the whole picture. */
-const CROP = [0.15, 0.13, 0.73];
+const CROP = [0.15, 0.11, 0.76];
 
 /** Width of a printed picture in pixels. */
 const WIDTH = 360;
+
+/** Hand of a vowel without consonant, place of a consonant without vowel. */
+const EMPTY_SHAPE = "5";
+const EMPTY_PLACE = "side";
 
 /** The parameters of a key's picture: the hand on its target, the face as in the middle of its last phone. @param {Player} player @param {Key} key */
 function picture(player, key) {
@@ -24,20 +28,41 @@ function picture(player, key) {
 
 async function draw() {
   const text = new URLSearchParams(location.search).get("text") || "";
-  find("text").textContent = text;
+  find("text").textContent = text || "Tableau des clés";
   find("print").onclick = () => window.print();
+  const player = await Player.open(find("figure"));
+  for (const { params, name, code, hand } of await (text ? keysOf(text, player) : chart(player))) {
+    player.hold(params);
+    player.cuer.show(0, player.look);
+    find("cells").append(cell(cropped(player.cuer.view.canvas), name, code, hand));
+  }
+  find("status").textContent = "";
+}
+
+/** The keys of a text. @param {string} text @param {Player} player */
+async function keysOf(text, player) {
   const query = new URLSearchParams({ text }).toString();
   /** @type {Item} */
   const { keys } = await fetched(`/item.json?${query}`);
-  const player = await Player.open(find("figure"));
   await player.load(`/item.bin?${query}`);
-  const pictures = keys.map((key) => picture(player, key));
-  keys.forEach((key, i) => {
-    player.hold(pictures[i]);
-    player.cuer.show(0, player.look);
-    find("cells").append(cell(key, cropped(player.cuer.view.canvas)));
-  });
-  find("status").textContent = "";
+  return keys.map((key) => ({
+    params: picture(player, key),
+    name: key.phones.map(spelled).join(""),
+    code: `${key.shape} · ${PLACES[key.placement]}`,
+    hand: `Main ${key.shape}, ${PLACES[key.placement]}`,
+  }));
+}
+
+/** The eight hands with their consonants, then the five places with their vowels. @param {Player} player */
+async function chart(player) {
+  /** @type {{shapes: Record<string, string[]>, placements: Record<string, string[]>}} */
+  const { shapes, placements } = await fetched("/chart.json");
+  const target = (/** @type {number} */ shape, /** @type {string} */ place) => player.model.target(shape, Object.keys(PLACES).indexOf(place));
+  const hands = Object.entries(shapes).map(([shape, phones]) => (
+    { params: target(Number(shape), "side"), name: group(phones), code: shape === EMPTY_SHAPE ? `main ${shape}, ou sans consonne` : `main ${shape}`, hand: `Main ${shape}` }));
+  const places = Object.entries(placements).map(([place, phones]) => (
+    { params: target(1, place), name: group(phones), code: place === EMPTY_PLACE ? `${PLACES[place]}, ou sans voyelle` : PLACES[place], hand: `Place ${PLACES[place]}` }));
+  return [...hands, ...places];
 }
 
 /** The part of a picture with head and hand, as an address. @param {HTMLCanvasElement} drawn */
@@ -53,17 +78,16 @@ function cropped(drawn) {
   return canvas.toDataURL();
 }
 
-/** @param {Key} key @param {string} url */
-function cell(key, url) {
+/** @param {string} url @param {string} name @param {string} hand @param {string} described */
+function cell(url, name, hand, described) {
   const entry = document.createElement("li");
   const image = document.createElement("img");
   const phones = document.createElement("b");
   const code = document.createElement("small");
-  const name = key.phones.map(spelled).join("");
   image.src = url;
-  image.alt = `Main ${key.shape}, ${PLACES[key.placement]}`;
+  image.alt = described;
   phones.textContent = name;
-  code.textContent = `${key.shape} · ${PLACES[key.placement]}`;
+  code.textContent = hand;
   entry.append(image, phones, code);
   return entry;
 }

@@ -1,9 +1,9 @@
-/** French words of keys: phones as they are spelled, names of places. */
+/** French words of keys: phones as charts for learners spell them, names of places. */
 
 /** @type {Words} */
 const LETTERS = {
-  "ɔ̃": "on", "ɑ̃": "an", "ɛ̃": "in", "œ̃": "un", u: "ou", y: "u", "ø": "eu", "œ": "eu", "ə": "e", o: "o", "ɔ": "o", e: "é", "ɛ": "è",
-  a: "a", "ɑ": "a", i: "i", "ʃ": "ch", "ʒ": "j", "ɲ": "gn", "ŋ": "ng", "ʁ": "r", j: "i", w: "w", "ɥ": "u", k: "k", s: "s", z: "z",
+  "ɔ̃": "on", "ɑ̃": "an", "ɛ̃": "in", "œ̃": "un", u: "ou", y: "u", "ø": "eu", "ə": "e", "ɔ": "ò", e: "é", "ɛ": "è",
+  "ɑ": "a", "ʃ": "ch", "ʒ": "j", "ɲ": "gn", "ŋ": "ng", "ʁ": "r", j: "y", "ɥ": "u",
 };
 
 /** @type {Words} */
@@ -14,12 +14,9 @@ export function spelled(phone) {
   return LETTERS[phone] || phone;
 }
 
-/** @type {Words} */
-const GLIDES = { "ɥ": "ui", w: "oi", j: "y" };
-
-/** A phone by itself, without a neighbour that would make a glide plain. @param {string} phone */
+/** A phone by itself: the glide of “huit” is spelled “ui” to keep it apart from the vowel. @param {string} phone */
 export function alone(phone) {
-  return GLIDES[phone] || spelled(phone);
+  return phone === "ɥ" ? "ui" : spelled(phone);
 }
 
 /** Phones of a group, each spelling once. @param {string[]} phones */
