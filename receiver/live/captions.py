@@ -23,6 +23,12 @@ _FRENCH = ("fra", "fre")
 _PAGE, _REGION, _CLUT, _DISPLAY = 0x10, 0x11, 0x12, 0x14
 """Types of segments (table 7)."""
 
+_DEPTHS = (1, 2, 3)
+"""Codes of 2, 4 and 8 bits a pixel."""
+
+_DEEPEST = _DEPTHS[-1]
+"""Code of the depth that is taken for an unknown region."""
+
 _MOST_PIXELS = 1920 * 1080
 """Pixels of the pictures of one page at most."""
 
@@ -91,11 +97,11 @@ def _indices(rect: Any) -> NDArray[np.uint8]:
 
 
 class _Palettes:
-    """The palettes of a stream's regions, by the regions' places."""
+    """The palettes of a stream's regions, by the regions' places; one for each number and depth."""
 
     def __init__(self) -> None:
-        self._palettes: dict[int, NDArray[np.uint8]] = {}
-        self._of_region: dict[int, int] = {}
+        self._palettes: dict[tuple[int, int], NDArray[np.uint8]] = {}
+        self._of_region: dict[int, tuple[int, int]] = {}
         self._places: dict[tuple[int, int], int] = {}
         self._origin = (0, 0)
 
@@ -108,22 +114,24 @@ class _Palettes:
                     for at in range(2, len(body) - 5, 6)
                 }
             elif kind == _REGION and len(body) > 7:
-                self._of_region[body[0]] = body[7]
+                self._of_region[body[0]] = (body[7], body[6] >> 2 & 7)
             elif kind == _DISPLAY and len(body) > 4:
                 windowed = body[0] & 8 and len(body) >= 13
                 left, _, top = struct.unpack_from(">HHH", body, 5) if windowed else (0, 0, 0)
                 self._origin = (left, top)
             elif kind == _CLUT and len(body) > 2:
-                palette = self._palettes.setdefault(body[0], _usual())
-                for number, colour in _entries(body):
-                    palette[number] = colour
+                for depth, number, colour in _entries(body):
+                    palette = self._palettes.setdefault((body[0], depth), _usual(depth))
+                    if number < len(palette):
+                        palette[number] = colour
 
     def coloured(self, x: int, y: int, indices: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the pixels (height, width, 4) of a region at a place."""
         left, top = self._origin
         region = self._places.get((x - left, y - top), -1)
-        palette = self._palettes.get(self._of_region.get(region, -1))
-        return np.asarray((_usual() if palette is None else palette)[indices])
+        name = self._of_region.get(region, (-1, _DEEPEST))
+        palette = self._palettes.get(name, _usual(name[1]))
+        return np.asarray(palette[np.minimum(indices, len(palette) - 1)])
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -135,11 +143,12 @@ def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += 6 + size
 
 
-def _entries(body: bytes) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-    """Yield number and red, green, blue, opacity of a palette's entries (section 7.2.4)."""
+def _entries(body: bytes) -> Iterator[tuple[int, int, tuple[int, int, int, int]]]:
+    """Yield depth, number and red, green, blue, opacity of a palette's entries (section 7.2.4)."""
     at = 2
     while at + 4 <= len(body):
-        number, full = body[at], body[at + 1] & 1
+        number, flags = body[at], body[at + 1]
+        full = flags & 1
         if full and at + 6 > len(body):
             return
         if full:
@@ -149,7 +158,10 @@ def _entries(body: bytes) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
             luma, red = packed >> 10 << 2, (packed >> 6 & 15) << 4
             blue, clear = (packed >> 2 & 15) << 4, (packed & 3) << 6
         at += 6 if full else 4
-        yield number, (0, 0, 0, 0) if luma == 0 else (*_rgb(luma, red, blue), 255 - clear)
+        colour = (0, 0, 0, 0) if luma == 0 else (*_rgb(luma, red, blue), 255 - clear)
+        for depth in _DEPTHS:
+            if flags & 0x100 >> depth:
+                yield depth, number, colour
 
 
 def _rgb(luma: int, red: int, blue: int) -> tuple[int, int, int]:
@@ -159,13 +171,26 @@ def _rgb(luma: int, red: int, blue: int) -> tuple[int, int, int]:
     return tuple(int(min(max(round(c), 0), 255)) for c in (r, g, b))  # type: ignore[return-value]
 
 
-def _usual() -> NDArray[np.uint8]:
-    """Return the palette of a stream that sends none: 0 is clear, bits are red, green, blue."""
-    numbers = np.arange(256)
-    bits = numbers[:, None] >> np.arange(3) & 1
-    palette = np.concatenate([255 * bits, np.full((256, 1), 255)], axis=1)
-    palette[0] = 0
-    return palette.astype(np.uint8)
+def _usual(depth: int) -> NDArray[np.uint8]:
+    """Return the palette of a region without one (section 10): 4, 16 or 256 colours."""
+    if depth == 1:
+        grey = np.array([0, 255, 0, 127])
+        return np.stack([grey, grey, grey, [0, 255, 255, 255]], axis=1).astype(np.uint8)
+    if depth == 2:
+        numbers = np.arange(16)
+        bits = numbers[:, None] >> np.arange(3) & 1
+        colours = np.where(numbers[:, None] < 8, 255, 127) * bits
+        opacity = np.full(16, 255)
+    else:
+        numbers = np.arange(256)
+        low, high = (numbers[:, None] >> at + np.arange(3) & 1 for at in (0, 4))
+        bright, clear = numbers >> 7, numbers >> 3 & 1
+        half = (bright & ~clear & 1)[:, None] * 127
+        colours = (low * 85 + high * 170) // (1 + bright[:, None]) + half
+        opacity = np.where(bright | ~clear & 1, 255, 127)
+        colours[:8], opacity[:8] = 255 * low[:8], 63
+    opacity[0] = 0
+    return np.concatenate([colours, opacity[:, None]], axis=1).astype(np.uint8)
 
 
 def _joined(parts: list[tuple[int, int, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
