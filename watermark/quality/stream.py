@@ -102,8 +102,10 @@ class Frames:
 
 def active_frames(samples: FloatArray, frame: int, hop: int) -> NDArray[np.bool_]:
     """Tell for each frame of (n, channels) samples whether it holds more than silence."""
-    magnitude = np.pad(np.cumsum(np.abs(samples), axis=0), ((1, 0), (0, 0)))
-    loud = ((magnitude[5:] - magnitude[:-5]) >= _ACTIVE_SUM).any(axis=1)
+    loud = np.zeros(len(samples) - 4, dtype=np.bool_)
+    for channel in samples.T:
+        magnitude = np.append(0.0, np.cumsum(np.abs(channel)))
+        loud |= (magnitude[5:] - magnitude[:-5]) >= _ACTIVE_SUM
     frames = sliding_window_view(loud, frame - 4)[::hop]
     return np.asarray(frames.any(axis=1), dtype=np.bool_)
 

@@ -75,6 +75,7 @@ def invert(
     start: NDArray[np.float64],
     *,
     steps: int = _STEPS,
+    near: bool = False,
 ) -> NDArray[np.float64]:
     """Return the parameters that explain the visible markers best.
 
@@ -89,19 +90,22 @@ def invert(
         First guess, for example from `starting_motion`.
     steps : int
         Gauss-Newton steps at most: few are enough from a near start.
+    near : bool
+        Whether the start is so near that residuals cost markers their weight at once.
 
     Returns
     -------
     ndarray of float64, shape (T, P)
     """
     out = np.array(start, dtype=np.float64)
+    plain = 0 if near else _PLAIN_STEPS
     whole = visible.all(1)
     for kind, deviations in ((whole, model.deviations[:0]), (~whole, model.deviations)):
         frames = np.flatnonzero(kind)
         for begin in range(0, len(frames), _BLOCK):
             block = frames[begin : begin + _BLOCK]
             out[block] = _solve(
-                model, markers[block], visible[block], out[block], deviations, steps
+                model, markers[block], visible[block], out[block], deviations, steps, plain
             )
     return out
 
@@ -180,6 +184,7 @@ def _solve(
     parameters: NDArray[np.float64],
     deviations: NDArray[np.float32],
     steps: int,
+    plain: int,
 ) -> NDArray[np.float64]:
     """Return better `parameters`, until no frame moves by more than the tolerance.
 
@@ -188,7 +193,7 @@ def _solve(
     active = np.arange(len(parameters))
     for step in range(steps):
         now, seen, at = markers[active], visible[active], parameters[active]
-        weight = marker_weights(model.residual(at, now), seen, robust=step >= _PLAIN_STEPS)
+        weight = marker_weights(model.residual(at, now), seen, robust=step >= plain)
         projection, normal = normal_equations(model, at, weight, deviations)
         inverse = np.linalg.inv(normal + _NOISE_MM2 * np.eye(at.shape[1]))
         for _ in range(2):
@@ -201,7 +206,7 @@ def _solve(
         parameters[active] = at
         moving = longest[:, 0] > _TOLERANCE
         # Outliers are distinguished from the model's own error only after the plain steps.
-        active = active[moving] if step >= _PLAIN_STEPS else active
+        active = active[moving] if step >= plain else active
         if not len(active):
             break
     return parameters

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cuer.models.face import N_FACE_PARAMETERS
+from codec.cuer.models.smooth_inversion import ANCHORED, SIDE
 from codec.cuer.motion import Motion
 from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
@@ -85,6 +86,10 @@ _UNIT_DRIFT = {
     "cheekSquintLeft": 0.03, "cheekSquintRight": 0.03, "mouthSmileLeft": 0.03,
     "mouthSmileRight": 0.03, "jawOpen": 0.006, "larynxRaise": 0.3,
 }  # fmt: skip
+_SMOOTH_HZ = 50.0
+"""Frames per second from which neighbouring ones are near enough to begin each other's inversion.
+"""
+
 _LIPS_TICKS = 10
 """How far from a frame a phone can bind its lips."""
 
@@ -224,8 +229,8 @@ class GestureSynthesiser:
 
     def motion(self, score: Score, start_s: float, n_frames: int, voice: Voice) -> Motion:
         """Return the parameters that `voice` finds for the markers, the lips true to the phones."""
-        markers = self.markers(score, start_s, n_frames)
-        motion = voice.invert(markers, rate_hz=self.rate_hz, start_s=start_s, score=score)
+        params = self._found(score, start_s, n_frames, voice)
+        motion = Motion(params, self.rate_hz, start_s, voice.layout, voice.identity, score)
         if self._lips is None or self._lips[0] != voice.identity:
             self._lips = voice.identity, LipContract(voice)
         ticks, line = self.times_s(start_s, n_frames) / TICK_S, self._plan(score).phones
@@ -239,6 +244,21 @@ class GestureSynthesiser:
         face = motion.params[:, :N_FACE_PARAMETERS].astype(np.float64)
         motion.params[:, :N_FACE_PARAMETERS] = self._lips[1].kept(face, near, ticks)
         return motion
+
+    def _found(
+        self, score: Score, start_s: float, n_frames: int, voice: Voice
+    ) -> NDArray[np.float32]:
+        """Return the parameters that `voice` finds for the markers, shape (n_frames, P).
+
+        Frames that begin others' inversion are the same ones in every window.
+        """
+        if self.rate_hz < _SMOOTH_HZ or not n_frames:
+            markers = self.markers(score, start_s, n_frames)
+            return voice.invert(markers, rate_hz=self.rate_hz).params
+        lead = round(start_s * self.rate_hz) % ANCHORED + SIDE
+        frames = 1 - (1 - lead - n_frames) // ANCHORED * ANCHORED + SIDE
+        markers = self.markers(score, start_s - lead / self.rate_hz, frames)
+        return voice.invert_smooth(markers)[lead : lead + n_frames]
 
     def pose(self, score: Score, start_s: float, n_frames: int) -> BodyPose:
         """Return face-unit weights, head, hand angles and forearm of each frame."""

@@ -1,0 +1,47 @@
+"""Inversion of markers that a body has made."""
+
+import numpy as np
+import pytest
+
+from codec.cuer.voice import load_voice
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.planning.scoring.text_score import score_of_text
+
+FRAMES = 137
+TEXT = "Le petit chat noir dort sur le grand fauteuil rouge"
+
+
+@pytest.fixture(scope="module")
+def cuer():
+    return GestureSynthesiser("claire")
+
+
+@pytest.fixture(scope="module")
+def score():
+    return score_of_text(TEXT)
+
+
+def rms_mm(voice, params, markers):
+    return np.sqrt(((voice.reconstruct(params) - markers) ** 2).sum(-1).mean(-1))
+
+
+def test_it_is_as_near_to_the_markers_as_plain_inversion(cuer, score):
+    voice = load_voice()
+    markers = cuer.markers(score, 0.0, FRAMES)
+    plain = rms_mm(voice, voice.invert(markers, rate_hz=50.0).params, markers)
+    smooth = rms_mm(voice, voice.invert_smooth(markers), markers)
+    assert smooth.mean() < 1.02 * plain.mean()
+
+
+def test_a_window_is_part_of_any_longer_one(cuer, score):
+    voice = load_voice()
+    whole = cuer.motion(score, 0.0, FRAMES, voice).params
+    for first, frames in ((0, 9), (5, 1), (30, 61), (134, 3)):
+        part = cuer.motion(score, first / 50, frames, voice).params
+        assert np.abs(part - whole[first : first + frames]).max() < 1e-5
+
+
+def test_one_frame_is_inverted_by_itself():
+    voice = load_voice()
+    markers = voice.reconstruct(np.zeros((1, len(voice.layout))))
+    assert np.abs(voice.invert_smooth(markers)).max() < 0.1
