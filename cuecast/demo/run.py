@@ -96,7 +96,8 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     for name, file, codec, bit_rate in BROADCASTS:
         say(f"3/5 broadcasting as {name}")
         rewrite_sound(dubbed, folder / file, lambda *_: Unchanged(), codec=codec, bit_rate=bit_rate)
-        reception = receive(folder / file, voice)
+        # The cuer is in the sound: looking at the pictures compiles as much as all listening.
+        reception = receive(folder / file, voice, look=False)
         comparison = None
         if reception.motion is not None:
             received = reception.motion
