@@ -129,7 +129,7 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
         ),
         Habits(
             placement_shift_mm={
-                "cheek": (-3.0, 4.0, 0.0), "mouth": (-3.0, -4.0, 2.0), "chin": (4.0, 4.0, 0.0),
+                "cheek": (-3.0, 4.0, 0.0), "mouth": (-3.0, -2.0, 2.0), "chin": (4.0, -1.0, 0.0),
                 "throat": (-4.0, -4.0, 0.0), "side": (4.0, -2.0, -4.0),
             },
             hand_slope_deg=60.0, palm_turn_deg=11.0, opening=0.92, asymmetry=0.08,
@@ -138,7 +138,8 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
     ),
 }  # fmt: skip
 """A still speaker; one with longer hands, flatter hand and livelier head; and one whose fingers are
-long near the palm and who scatters as real cuers do (the movement of `synth.motion.measured`)."""
+long near the palm and who scatters as real cuers do (the movement of `synth.motion.measured`). The
+third one's mouth and chin are 32 mm apart in height, like those of real cuers."""
 
 
 BY_RULE = ("claire", "agathe")
