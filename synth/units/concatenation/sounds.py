@@ -4,10 +4,11 @@ In: phones with times, and a melody. Out: chosen units of recordings. Selection 
 programming: the cost of a unit is the RMS distance between wanted and recorded durations of its
 parts, of its pitch from the melody's, and how badly its label fits its sound; that of a join the
 RMS distance of the line spectrum pairs across it (Gibert, Bailly, Elisei 2004, section 5.1), and
-the steps of pitch and level. Units that follow each other in a recording join at no cost.
+the steps of pitch and level. Units that follow each other in a recording join at no cost. Where a
+diphone was never recorded, its two halves come from different diphones if that sounds better than
+one of other phones.
 """
 
-import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from codec.cues.phonology import PAUSE, PHONE_NUMBER, VOWELS
 from codec.cues.score import Phone
 from codec.errors import CueError
 from synth.planning.prosody.melody import Melody
+from synth.units.concatenation.phone_distance import phone_distance, phone_distances
 from synth.units.concatenation.selection import select_units
 from synth.units.concatenation.units import Unit, cut_sounds, split_polysound, with_pauses
 from synth.units.recordings.recording import LSP_ORDER, UnitRecording
@@ -42,6 +44,13 @@ reaches into its halves."""
 _JOIN = 0.05
 """Cost of any join."""
 
+_UNLIKE, _MOST_UNLIKE = 0.03, 6
+"""Cost of one step of phonetic distance between wanted and recorded neighbour behind the cut of a
+half, and the steps that count at most."""
+
+_HALF_JOIN = 0.1
+"""Cost of a join where two phones meet."""
+
 _UNFIT = 0.15
 """Cost of a phone at either end of a unit, by the logarithm of its likelihood in its sound."""
 
@@ -54,25 +63,11 @@ _MOST_CANDIDATES = 100
 _CLOSE_S = 1e-6
 """Seconds between units that are one after the other: rounding."""
 
+_CUT = -2
+"""Ends of units that are no row of a phone: -1 is a pause, -2 and less are cuts between phones."""
+
 _REFERENCE_HZ = 100.0
 """Pitch is in semitones above this."""
-
-_FEATURES = {
-    # height, backness, rounding, nasality of vowels
-    "i": (0, 0, 0, 0), "e": (1, 0, 0, 0), "ɛ": (2, 0, 0, 0), "a": (3, 1, 0, 0), "ɑ": (3, 2, 0, 0),
-    "y": (0, 0, 1, 0), "ø": (1, 0, 1, 0), "œ": (2, 0, 1, 0), "ə": (2, 1, 1, 0), "u": (0, 2, 1, 0),
-    "o": (1, 2, 1, 0), "ɔ": (2, 2, 1, 0), "ɛ̃": (2, 0, 0, 2), "ɑ̃": (3, 2, 0, 2),
-    "ɔ̃": (1, 2, 1, 2), "œ̃": (2, 0, 1, 2),
-    # place from the lips backwards, manner, voicing, nasality of consonants
-    "p": (0, 0, 0, 0), "b": (0, 0, 1, 0), "m": (0, 0, 1, 2), "f": (1, 1, 0, 0), "v": (1, 1, 1, 0),
-    "t": (2, 0, 0, 0), "d": (2, 0, 1, 0), "n": (2, 0, 1, 2), "s": (2, 1, 0, 0), "z": (2, 1, 1, 0),
-    "l": (2, 2, 1, 0), "ʃ": (3, 1, 0, 0), "ʒ": (3, 1, 1, 0), "ɲ": (4, 0, 1, 2), "j": (4, 3, 1, 0),
-    "ɥ": (4, 3, 1, 1), "k": (5, 0, 0, 0), "g": (5, 0, 1, 0), "ŋ": (5, 0, 1, 2), "w": (5, 3, 1, 1),
-    "ʁ": (6, 2, 1, 0),
-}  # fmt: skip
-
-_OTHER_CLASS = 20
-"""Cost of phones of different classes: more than any within one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,21 +92,14 @@ class PlacedUnit:
         return self.recording == before.recording and abs(gap_s) <= _CLOSE_S
 
 
-@functools.cache
-def phone_distance(a: str, b: str) -> int:
-    """Return how different two phones are: 0 for the same, 20 for another class.
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A target and its neighbours' numbers; `cut` says on which side a half ends, "" if on none."""
 
-    Examples
-    --------
-    >>> phone_distance("p", "b"), phone_distance("i", "u"), phone_distance("a", "t")
-    (1, 3, 20)
-    """
-    if a == b:
-        return 0
-    if PAUSE in (a, b) or (a in VOWELS) != (b in VOWELS):
-        return _OTHER_CLASS
-    pairs = zip(_FEATURES[a], _FEATURES[b], strict=True)
-    return max(1, sum(abs(x - y) for x, y in pairs))
+    target: Unit
+    before: int
+    after: int
+    cut: str = ""
 
 
 class SoundDictionary:
@@ -131,6 +119,7 @@ class SoundDictionary:
         self._units: list[Unit] = []
         self._recording: list[int] = []
         named: dict[tuple[str, ...], list[int]] = {}
+        halves: dict[tuple[str, bool], list[int]] = {}
         ends: list[tuple[int, int]] = []
         around: list[tuple[int, int]] = []
         bases = np.cumsum([0, *(len(recording.middles) for recording in recordings)])
@@ -145,9 +134,18 @@ class SoundDictionary:
                 self._recording.append(number)
                 ends.append((place[first], place[last]))
                 around.append((_number(line, first - 1), _number(line, last + 1)))
-        if not self._units:
+            for half, at, leaves in _halves_of(line):
+                halves.setdefault((line[at].symbol, leaves), []).append(len(self._units))
+                self._units.append(half)
+                self._recording.append(number)
+                cut = _CUT - place[at] - leaves
+                ends.append((place[at], cut) if leaves else (cut, place[at]))
+                around.append((_number(line, at - 1), _number(line, at + 1)))
+        if not named:
             raise CueError("the recordings hold no phone")
+        self._n_whole = sum(map(len, named.values()))
         self._named = {label: np.array(units) for label, units in named.items()}
+        self._halves = {key: np.array(units) for key, units in halves.items()}
         self._ends = np.array(ends)
         self._around = np.array(around)
         self._middles = np.concatenate([r.middles for r in recordings]).astype(np.float64)
@@ -160,8 +158,8 @@ class SoundDictionary:
         self.median_hz = _REFERENCE_HZ * 2 ** (middle / 12)
 
     def __len__(self) -> int:
-        """Return the number of units."""
-        return len(self._units)
+        """Return the number of polysounds and diphones."""
+        return self._n_whole
 
     @property
     def names(self) -> frozenset[tuple[str, ...]]:
@@ -183,18 +181,15 @@ class SoundDictionary:
         list of PlacedUnit
             At least as many as there are targets.
         """
-        wanted: list[Unit] = []
-        for target in targets:
-            known = target.label in self._named
-            wanted += [target] if known or len(target.label) == 2 else split_polysound(target)
+        places = list(self._places(targets))
         candidates, costs = [], []
-        for place, target in enumerate(wanted):
-            units, penalty = self._candidates(target.label)
+        for place in places:
+            units, cost = self._suited(place)
+            target = place.target
             parts = np.array([self._units[u].parts_s for u in units.tolist()])
             error = np.sqrt(np.mean((parts - np.array(target.parts_s)) ** 2, axis=1))
-            cost = _DURATION_WEIGHT * error + _SUBSTITUTE_COST * penalty
-            cost += _OTHER_NEIGHBOUR * (self._around[units] != _neighbours(wanted, place)).sum(1)
-            cost += _UNFIT * self._unfit[self._ends[units]].sum(1)
+            cost = cost + _DURATION_WEIGHT * error
+            cost += _UNFIT * self._unfit[np.maximum(self._ends[units], -1)].sum(1)
             if melody is not None:
                 cost += _PITCH_WEIGHT * self._off_melody(units, target, melody)
             best = np.argsort(cost, kind="stable")[:_MOST_CANDIDATES]
@@ -202,18 +197,63 @@ class SoundDictionary:
             costs.append(cost[best])
         chosen = select_units(candidates, costs, self._join_cost)
         return [
-            PlacedUnit(self._recording[u], self._units[u], target)
-            for u, target in zip(chosen.tolist(), wanted, strict=True)
+            PlacedUnit(self._recording[u], self._units[u], place.target)
+            for u, place in zip(chosen.tolist(), places, strict=True)
         ]
 
-    def _candidates(self, label: tuple[str, ...]) -> tuple[NDArray[np.int64], int]:
-        """Return the units of `label`, or of the closest diphone, and how far away that is."""
-        if label in self._named:
-            return self._named[label], 0
+    def _places(self, targets: Sequence[Unit]) -> Iterator[_Place]:
+        """Yield the places of targets: polysounds, diphones, and halves of missing diphones."""
+        wanted: list[Unit] = []
+        for target in targets:
+            known = target.label in self._named
+            wanted += [target] if known or len(target.label) == 2 else split_polysound(target)
+        for number, target in enumerate(wanted):
+            before, after = _neighbours(wanted, number)
+            if target.label in self._named or not self._halved(target.label):
+                yield _Place(target, before, after)
+                continue
+            first, second = target.label
+            start, cut, end = target.edges_s
+            if first != PAUSE:
+                yield _Place(Unit((first,), (start, cut)), before, PHONE_NUMBER[second], "after")
+            if second != PAUSE:
+                yield _Place(Unit((second,), (cut, end)), PHONE_NUMBER[first], after, "before")
+
+    def _halved(self, label: tuple[str, ...]) -> bool:
+        """Return whether the halves of a missing diphone suit it better than another diphone.
+
+        A cut between two vowels is heard as a consonant; two consonants that differ from recorded
+        ones by a step, as voicing, are hardly missed.
+        """
+        vowels = sum(symbol in VOWELS for symbol in label)
+        if vowels == 2 or (not vowels and self._nearest(label)[1] <= 1):
+            return False
+        keys = zip(label, (True, False), strict=True)
+        return all(key[0] == PAUSE or key in self._halves for key in keys)
+
+    def _suited(self, place: _Place) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the units that may stand at a place, and how badly their neighbours suit."""
+        wanted = np.array([place.before, place.after])
+        if not place.cut:
+            label, penalty = place.target.label, 0
+            if label not in self._named:
+                label, penalty = self._nearest(label)
+            units = self._named[label]
+            other = (self._around[units] != wanted).sum(1)
+            return units, _SUBSTITUTE_COST * penalty + _OTHER_NEIGHBOUR * other
+        leaves = place.cut == "after"
+        units = self._halves[place.target.label[0], leaves]
+        around = self._around[units]
+        unlike = phone_distances()[around[:, int(leaves)], wanted[int(leaves)]]
+        other = around[:, int(not leaves)] != wanted[int(not leaves)]
+        return units, _UNLIKE * np.minimum(unlike, _MOST_UNLIKE) + _OTHER_NEIGHBOUR * other
+
+    def _nearest(self, label: tuple[str, ...]) -> tuple[tuple[str, ...], int]:
+        """Return the recorded diphone closest to a label, and how far away that is."""
         diphones = [name for name in self._named if len(name) == 2]
         distances = [sum(map(phone_distance, name, label)) for name in diphones]
         nearest = int(np.argmin(distances))
-        return self._named[diphones[nearest]], distances[nearest]
+        return diphones[nearest], distances[nearest]
 
     def _off_melody(
         self, units: NDArray[np.int64], target: Unit, melody: Melody
@@ -227,19 +267,32 @@ class SoundDictionary:
     def _of_ends(
         self, values: NDArray[np.float64], units: NDArray[np.int64]
     ) -> NDArray[np.float64]:
-        """Return a value of the phones at the ends of units, shape (n, 2), NaN at pauses."""
+        """Return a value of the phones at units' ends, shape (n, 2), NaN at pauses and cuts."""
         rows = self._ends[units]
-        return np.where(rows >= 0, values[rows], np.nan)
+        return np.where(rows >= 0, values[np.maximum(rows, -1)], np.nan)
 
     def _join_cost(
         self, before: NDArray[np.int64], after: NDArray[np.int64]
     ) -> NDArray[np.float64]:
         end, start = self._ends[before, 1][:, None], self._ends[after, 0][None]
-        step = self._middles[end] - self._middles[start]
-        pitch = np.nan_to_num(np.abs(self._pitch[end] - self._pitch[start]))
+        # A cut of number c lies before the phone of row _CUT - c.
+        last = np.where(end <= _CUT, _CUT - end - 1, end)
+        first = np.where(start <= _CUT, _CUT - start, start)
+        step = self._middles[last] - self._middles[first]
+        pitch = np.nan_to_num(np.abs(self._pitch[last] - self._pitch[first]))
         cost = np.sqrt(np.mean(step[..., :LSP_ORDER] ** 2, axis=2))
-        cost += _LEVEL_STEP_WEIGHT * np.abs(step[..., LSP_ORDER]) + _PITCH_STEP_WEIGHT * pitch
-        return np.where((end == start) | (end < 0) | (start < 0), 0.0, cost + _JOIN)
+        cost += _LEVEL_STEP_WEIGHT * np.abs(step[..., LSP_ORDER]) + _JOIN
+        cost = np.where(end <= _CUT, _HALF_JOIN, cost) + _PITCH_STEP_WEIGHT * pitch
+        return np.where((end == start) | (end == -1) | (start == -1), 0.0, cost)
+
+
+def _halves_of(line: Sequence[Phone]) -> Iterator[tuple[Unit, int, bool]]:
+    """Yield both halves of each phone, its place, and whether the half is the second."""
+    for at, phone in enumerate(line):
+        middle_s = (phone.start + phone.end) / 2
+        if phone.symbol != PAUSE and phone.end > phone.start:
+            yield Unit((phone.symbol,), (phone.start, middle_s)), at, False
+            yield Unit((phone.symbol,), (middle_s, phone.end)), at, True
 
 
 def _units_of(line: Sequence[Phone]) -> Iterator[tuple[Unit, int, int]]:

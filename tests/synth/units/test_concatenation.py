@@ -20,8 +20,9 @@ from synth.motion.rules.gesture import GestureSynthesiser
 from synth.motion.rules.movement import plan_gestures
 from synth.planning.prosody.melody import plan_melody
 from synth.units.concatenation.concatenation import ConcatenativeSynthesiser
+from synth.units.concatenation.phone_distance import phone_distance
 from synth.units.concatenation.selection import select_units
-from synth.units.concatenation.sounds import SoundDictionary, phone_distance
+from synth.units.concatenation.sounds import SoundDictionary
 from synth.units.concatenation.trajectories import Trajectories, join_trajectories
 from synth.units.concatenation.units import (
     GLIDES,
@@ -126,6 +127,34 @@ def test_selection_names_the_place_without_candidates() -> None:
 def test_phone_distance_is_a_distance(a: str, b: str) -> None:
     assert phone_distance(a, b) == phone_distance(b, a)
     assert (phone_distance(a, b) == 0) == (a == b)
+
+
+def test_a_missing_diphone_is_made_of_two_halves_with_its_own_phones(
+    synthesiser: ConcatenativeSynthesiser, recordings: list[UnitRecording]
+) -> None:
+    for symbols in (["b", "u"], ["u", "b"], ["b", "o"]):
+        assert tuple(symbols) not in synthesiser.sounds.names
+        line = with_pauses(spoken(symbols), 0.0, 2.0)
+        chosen = synthesiser.sounds.select(cut_sounds(line), plan_melody(line))
+        edges = [(unit.target.edges_s[0], unit.target.edges_s[-1]) for unit in chosen]
+        first, second = (
+            unit for unit, ends in zip(chosen, edges, strict=True) if line[1].end in ends
+        )
+        assert (first.source.label, second.source.label) == ((symbols[0],), (symbols[1],))
+        for unit in (first, second):
+            phones = recordings[unit.recording].score.phones
+            start, end = unit.source.edges_s
+            (own,) = (p for p in phones if p.start <= start + 1e-9 and end <= p.end + 1e-9)
+            assert own.symbol == unit.source.label[0]
+
+
+def test_a_missing_pair_of_vowels_is_replaced_whole(synthesiser: ConcatenativeSynthesiser) -> None:
+    assert ("o", "o") not in synthesiser.sounds.names
+    line = with_pauses(spoken(["o", "o"]), 0.0, 2.0)
+    middle_s = line[1].end
+    chosen = synthesiser.sounds.select(cut_sounds(line))
+    (across,) = (u for u in chosen if u.target.edges_s[0] < middle_s < u.target.edges_s[-1])
+    assert len(across.source.label) == 2
 
 
 def test_joins_are_smoothed_towards_the_next_onset() -> None:
