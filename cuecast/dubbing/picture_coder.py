@@ -38,6 +38,9 @@ _ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
 CLEANER = "hqdn3d"
 """Name of the cleaner of noise."""
 
+L0_ALONE = "l0"
+"""Word before a row of coders behind which L0 alone has to arrive: where little arrives at all."""
+
 Luma = NDArray[Any]
 
 
@@ -158,9 +161,9 @@ def picture_channels(
     Parameters
     ----------
     through : str or None
-        See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise, behind which L0 alone has to
-        arrive. ``none`` for no trial, None for H.264 at `USUAL_BITS_PER_PIXEL`, without
-        the widest step.
+        See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
+        begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
+        `USUAL_BITS_PER_PIXEL`, without the widest step.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -174,22 +177,24 @@ def picture_channels(
     Examples
     --------
     >>> [channel.whole for channel in picture_channels(
-    ...     "h264:500k,hqdn3d+h264:500k", 640, 360, Fraction(25), 8
+    ...     "h264:500k,hqdn3d+h264:500k,l0+av1:200k", 640, 360, Fraction(25), 8
     ... )]
-    [True, False]
+    [True, False, False]
     """
     if through == "none":
         return []
     usual_bps = USUAL_BITS_PER_PIXEL * width * height * float(fps)
     rate = max(1, round(min(usual_bps, most_bps or usual_bps) / 1000))
     channels = []
-    for names in chains_of(through or f"h264:{rate}k"):
+    for words in chains_of(through or f"h264:{rate}k"):
+        names = words[words[0] == L0_ALONE and len(words) > 1 :]
         streams: list[PictureCoder] = []
         for name in names:
             if name == CLEANER:
                 streams.append(Denoiser(depth if not streams else 8))
             else:
                 streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
+        whole = CLEANER not in names and names == words
         widest = 1 if through is None else 2
-        channels.append(TriedChannel(_PictureChain(streams), CLEANER not in names, widest))
+        channels.append(TriedChannel(_PictureChain(streams), whole, widest))
     return channels

@@ -5,6 +5,7 @@ that comes back identifies itself, and a wrong one is noticed. Everything passes
 clip of any length needs constant memory.
 """
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -59,18 +60,23 @@ class VideoRow:
         Wilson's interval of the share lost, 95 %.
     l0_lost, wrong : int
         Superframes without even L0; those that arrived with wrong bytes.
-    tune_in_median_s, tune_in_p95_s : float
+    tune_in_median_s, tune_in_p95_s : float or None
         Time to the first superframe from random frames of what arrives.
     offset_ms : float or None
         Median delay of the positions of superframes with the right L0; None if there are none.
-    ber : float
+    ber : float or None
         Wrong bits before correction.
     psnr_db, ssim, vmaf : float
         Of the marked picture against the original, before the channel.
+    vmaf_most : float or None
+        VMAF of the original against itself: below 100 where little moves.
     flicker, own_noise : float
         Change of the mark from frame to frame, and of the picture's own quietest parts.
     embed_xrt, receive_xrt : float
         Speed in multiples of real time, without the picture codec of the channel.
+    fault : str
+        Why the channel did not take the clip, such as a frame rate that its coder refuses; nothing
+        was sent then.
     """
 
     clip: str
@@ -83,17 +89,19 @@ class VideoRow:
     lost_high: float
     l0_lost: int
     wrong: int
-    tune_in_median_s: float
-    tune_in_p95_s: float
+    tune_in_median_s: float | None
+    tune_in_p95_s: float | None
     offset_ms: float | None
-    ber: float
+    ber: float | None
     psnr_db: float
     ssim: float
     vmaf: float | None
+    vmaf_most: float | None
     flicker: float
     own_noise: float
     embed_xrt: float
-    receive_xrt: float
+    receive_xrt: float | None
+    fault: str = ""
 
 
 def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
@@ -276,6 +284,7 @@ class _Trial:
         self._embed_xrt = report.frames / float(self._form.fps) / timed[0].elapsed_s
         self._quality = compare(original, self._marked, self._form.depth)
         self._vmaf = vmaf(original, self._marked)
+        self._vmaf_most = None if self._vmaf is None else vmaf(original, original)
 
     def _embedder(self, form: PictureFormat) -> VideoEmbedder:
         return VideoEmbedder(
@@ -295,7 +304,14 @@ class _Trial:
 
     def run(self, name: str, starts: int) -> VideoRow:
         """Send the marked clip through a channel; receive it, from `starts` random frames too."""
-        arrived = send(self._marked, self._form, find_channel(name))
+        try:
+            arrived = send(self._marked, self._form, find_channel(name))
+        except CueError as error:
+            return self._row(
+                name, superframes_sent=0, superframes_lost=0, l0_lost=0, wrong=0,
+                tune_in_median_s=None, tune_in_p95_s=None, offset_ms=None, ber=None,
+                receive_xrt=None, fault=str(error).replace(f"{self._folder}{os.sep}", ""),
+            )  # fmt: skip
         form = picture_format(arrived)
 
         def tuned() -> VideoReceiver:
@@ -324,32 +340,43 @@ class _Trial:
                 if superframe.l1 == l1:
                     whole.add(k)
             wrong += superframe.l0 not in (None, l0) or superframe.l1 not in (None, l1)
-        lost = self._sent - len(whole)
-        low, high = wilson_interval(lost, self._sent)
         waits_s = late.waits_s or [LONGEST_TUNE_IN_S]
-        quality = self._quality
-        return VideoRow(
-            clip=self._clip.name,
-            channel=name,
-            profile=self._profile.name,
-            net_bps=self._profile.net_bps,
+        return self._row(
+            name,
             superframes_sent=self._sent,
-            superframes_lost=lost,
-            lost_low=low,
-            lost_high=high,
+            superframes_lost=self._sent - len(whole),
             l0_lost=self._sent - len(right),
             wrong=wrong,
             tune_in_median_s=float(np.median(waits_s)),
             tune_in_p95_s=float(np.quantile(waits_s, 0.95)),
             offset_ms=float(np.median(offsets_ms)) if offsets_ms else None,
             ber=receiver.stage.ber_estimate,
+            receive_xrt=frames / float(form.fps) / receiver.elapsed_s,
+        )
+
+    def _row(
+        self, name: str, *, superframes_sent: int, superframes_lost: int, **received: Any
+    ) -> VideoRow:
+        """Put the clip's own figures beside those of its reception through a channel."""
+        low, high = wilson_interval(superframes_lost, superframes_sent)
+        quality = self._quality
+        return VideoRow(
+            clip=self._clip.name,
+            channel=name,
+            profile=self._profile.name,
+            net_bps=self._profile.net_bps,
+            superframes_sent=superframes_sent,
+            superframes_lost=superframes_lost,
+            lost_low=low,
+            lost_high=high,
             psnr_db=quality.psnr_db,
             ssim=quality.ssim,
             vmaf=self._vmaf,
+            vmaf_most=self._vmaf_most,
             flicker=quality.flicker,
             own_noise=quality.own_noise,
             embed_xrt=self._embed_xrt,
-            receive_xrt=frames / float(form.fps) / receiver.elapsed_s,
+            **received,
         )
 
     def _late_starts(self, count: int) -> list[float]:

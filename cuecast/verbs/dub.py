@@ -92,8 +92,8 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
         "--video-through", metavar="CODERS",
         help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
         "mpeg2:4000k: the invisible mark is as weak as it allows; alternatives with commas; "
-        "behind hqdn3d+h264:2000k, a cleaner of noise, the cues arrive but not their details; "
-        "or none (default: h264 with 0.087 bits per pixel)",
+        "behind hqdn3d+h264:2000k, a cleaner of noise, or l0+av1:1000k, the cues arrive but not "
+        "their details; or none (default: h264 with 0.087 bits per pixel)",
     )  # fmt: skip
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     parser.add_argument(

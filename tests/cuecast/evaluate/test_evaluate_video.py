@@ -15,11 +15,11 @@ from receiver.media.picture import picture_format, read_lumas
 from watermark.quality.picture import PictureMeter, ssim
 
 
-def write_clip(path: Path, frames: int) -> None:
+def write_clip(path: Path, frames: int, fps: int = 25) -> None:
     y, x = np.mgrid[:360, :640] / 360
     rng = np.random.default_rng(0)
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("ffv1", rate=25)
+        stream = container.add_stream("ffv1", rate=fps)
         stream.width, stream.height, stream.pix_fmt = 640, 360, "yuv420p"
         for n in range(frames):
             luma = 120 + 50 * np.sin(6 * x + n / 20) * np.cos(5 * y) + rng.normal(0, 1, x.shape)
@@ -49,11 +49,24 @@ def test_rows(tmp_path: Path) -> None:
         assert row.psnr_db > 51.5
         assert row.ssim > 0.99
         assert row.flicker < row.own_noise
-        assert row.tune_in_median_s == row.tune_in_p95_s < 1
+        assert row.tune_in_median_s is not None
+        assert row.tune_in_median_s == row.tune_in_p95_s
+        assert row.tune_in_median_s < 1
         assert row.offset_ms is not None
         assert abs(row.offset_ms) < 10
         assert row.vmaf is None or row.vmaf > 90
+    assert rows[0].ber is not None
+    assert rows[1].ber is not None
     assert rows[0].ber < rows[1].ber
+
+
+def test_a_rate_that_a_coder_refuses(tmp_path: Path) -> None:
+    write_clip(tmp_path / "clip.mkv", 16, fps=13)
+    rows = evaluate_video([tmp_path / "clip.mkv"], ["mpeg2-4M", "none"], profile="robust+none")
+    assert [(row.superframes_sent, row.superframes_lost) for row in rows] == [(0, 0), (2, 0)]
+    assert rows[0].fault == "coded0.mkv: cannot write: Invalid argument"
+    assert not rows[1].fault
+    assert rows[0].psnr_db == rows[1].psnr_db
 
 
 def test_unknown_channel() -> None:
