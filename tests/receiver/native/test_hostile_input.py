@@ -11,7 +11,7 @@ from codec.cuer.voice import load_voice
 from codec.superframe.coding import coding_for
 from receiver.export.device_voice import device_voice
 from spec.reference.stream_bytes import one
-from tests.receiver.native.building import SANITIZE, built
+from tests.receiver.native.building import SANITIZE, SANITIZE_FAST, built
 
 
 @pytest.fixture
@@ -21,8 +21,8 @@ def voice(tmp_path: Path) -> str:
     return str(path)
 
 
-def fuzzed(voice: str, count: int, seed: int) -> dict[str, int]:
-    program = built("fuzz", *SANITIZE)
+def fuzzed(voice: str, count: int, seed: int, flags: tuple[str, ...]) -> dict[str, int]:
+    program = built("fuzz", *flags)
     done = subprocess.run(
         [program, str(count), str(seed), voice], capture_output=True, text=True, check=False
     )
@@ -32,7 +32,7 @@ def fuzzed(voice: str, count: int, seed: int) -> dict[str, int]:
 
 
 def test_a_thousand_superframes_under_sanitizers(voice: str) -> None:
-    report = fuzzed(voice, 1000, 1)
+    report = fuzzed(voice, 1000, 1, SANITIZE)
     assert report["superframes"] == 1000
     assert report["drawn"] > 10
     assert report["events"] > 1500
@@ -41,7 +41,7 @@ def test_a_thousand_superframes_under_sanitizers(voice: str) -> None:
 @pytest.mark.slow
 def test_a_million_superframes_under_sanitizers(voice: str) -> None:
     for seed in range(10):
-        assert fuzzed(voice, 100_000, 100 + seed)["drawn"] > 1000
+        assert fuzzed(voice, 100_000, 100 + seed, SANITIZE_FAST)["drawn"] > 1000
 
 
 def test_a_copied_state_goes_on(voice: str) -> None:
