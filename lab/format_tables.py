@@ -328,7 +328,7 @@ _PRIOR = 200.0
 _STEPS = range(8, 33, 2)
 
 _ROUNDS = 3
-"""Rounds in which indices are chosen by the tables and tables counted from the indices."""
+"""Rounds; each chooses indices by the tables and counts tables from the indices."""
 
 _INSET = 0.45
 """Largest distance of a reconstruction point from its cell's middle, in steps."""

@@ -33,7 +33,7 @@ _FORMS = (0.6, 0.28, 0.12)
 """Shares of consonant with vowel, consonant alone and vowel alone, as in French."""
 
 _OUTLIER_S = 0.04
-"""Seconds by which a moment that was mistaken for another differs."""
+"""Seconds between a moment and the one that it was mistaken for."""
 
 Pair = tuple[str, str, bool]
 """From which placement (``same``) to which, and whether the shape changes."""

@@ -23,7 +23,7 @@ from synth.language.text.lexicon import LEXIQUE_PHONES, NAMES, known_words, spli
 
 _CODE = {phone: letter for letter, phone in LEXIQUE_PHONES.items()} | {"ɡ": "g"}
 _SHORTEST_PART = 3
-"""Of words with hyphens those are names of which a part is new; others are verbs and pronouns."""
+"""Least letters of a new part that makes a name of a word with hyphens; others are verbs."""
 
 _FEWEST, _MOST = 0.4, 1.25
 """Phones per letter of an entry that may be right; a spelled sigle has more."""
@@ -33,7 +33,7 @@ _LETTERS_OF = {
     "s": "scçztx", "z": "zsx", "S": "cs", "Z": "jg", "m": "m", "n": "n", "N": "gn", "G": "n",
     "l": "l", "R": "r",
 }  # fmt: skip
-"""The letters by which a consonant may be written."""
+"""Letters that may write a consonant."""
 
 
 def read_gruut(path: Path) -> Iterator[tuple[str, str]]:

@@ -99,7 +99,7 @@ def _fit_forearm(
 
 
 _TAIL_S = 1.5
-"""Seconds after the last key, in which the hand comes to rest."""
+"""Seconds after the last key: the hand comes to rest."""
 
 _DRILL_LINES = 30
 """Lines of keys in random order."""

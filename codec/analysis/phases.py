@@ -30,13 +30,13 @@ _STROKE_BEFORE_S = 0.5
 s (90th percentile)."""
 
 _LATEST_PEAK_S = 0.03
-"""Seconds after a key's start by which its stroke has passed its peak."""
+"""Latest peak of a key's stroke, in seconds after the key's start."""
 
 _STILL_SHARE = 0.1
 """Share of the stroke's peak speed below which the hand counts as arrived or not yet gone."""
 
 _LEAST_PEAK_MM_S = 100.0
-"""Peak speed in mm/s from which a movement counts as a stroke: above sway and noise."""
+"""Least peak speed of a stroke in mm/s: above sway and noise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ _END_BYTES = 4
 """Bytes of the check of a whole file."""
 
 _LONG = 255
-"""Length from which a field of three bytes behind a record's first one states it."""
+"""Least length that is stated by three bytes behind a record's first one."""
 
 _LONG_BYTES = 3
 """Bytes of that field."""

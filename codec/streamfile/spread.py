@@ -25,7 +25,7 @@ ScoreChoice = Literal["auto", "keep", "drop"]
 """Whether a file codes its score: where it costs little, always, or never."""
 
 MOST_COST = 0.01
-"""Share by which a file with its score may be larger, or less exact, than without it."""
+"""Greatest share that a score may add to a file's size or error."""
 
 _CLEARLY_LESS = -0.12
 """Cost by an estimate that leaves no doubt: it takes the models for linear, and is off by .07 where
@@ -41,7 +41,7 @@ _NO_ERROR_MM = 1e-6
 """Error that counts as none."""
 
 _NEAR = 2
-"""Steps by which the right one may be off while the choice stays."""
+"""Greatest error in steps that leaves the choice as it is."""
 
 _SPARE_PART = 250
 """Part of a file's room that may stay empty."""
@@ -59,7 +59,7 @@ _POLISHINGS = 8
 """Times that one superframe's step is changed to come nearer still, at most."""
 
 _KEPT = 0.003
-"""Share by which a file's error may differ from the one that is asked for."""
+"""Greatest relative difference between a file's error and the one that is asked for."""
 
 _RECORD_BITS, _SCORED_RECORD_BITS = 3.0, 8.0
 """Bits that a record takes beside its payload's ideal length, about: without a score and with one

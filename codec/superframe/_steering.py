@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from codec.compiled import njit
 
 STEADY = 4
-"""Ticks by which a key may start early or late."""
+"""Most ticks that a key may start early or late."""
 
 
 @njit(cache=True)

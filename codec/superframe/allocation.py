@@ -32,10 +32,10 @@ Ints = NDArray[np.int64]
 
 _UPWARDS = tuple(np.argsort(LEVELS)[np.sort(LEVELS) > 0].tolist())
 _DOWNWARDS = tuple(np.argsort(LEVELS)[np.sort(LEVELS) < 0].tolist())[::-1]
-"""Levels in the order in which they are tried, until one is worse than that before."""
+"""Levels in order of trial; the first that is worse than the one before ends it."""
 
 _NEAR = 4
-"""Steps by which another basis makes the step finer or wider, at most."""
+"""Greatest change of the step by another basis, in steps."""
 
 
 @dataclass(frozen=True, slots=True)

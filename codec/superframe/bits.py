@@ -33,7 +33,7 @@ COMPACT_FIELDS = {"version": 2, "compact": 1, "signed": 1, "sequence": 4}
 """The header of L0 in compact mode: the lower bit of the mode is `signed`."""
 
 COMPACT_LEAD = 2
-"""Superframes by which compact ones are always on air ahead of their time."""
+"""Superframes: compact ones are always on air so far ahead of their time."""
 
 FILE_FIELDS = {
     "magic": 32, "version": 8, "coding": 64, "first_tick": 32, "ticks": 32, "l0": 12, "l1": 12,

@@ -25,7 +25,7 @@ MIN_L0_BYTES = HEADER_BYTES + CRC16_BYTES + 1
 """Bytes of the shortest L0: header, one byte, check."""
 
 SIGNED_BYTES = 2
-"""Bytes by which a signed L0 part is longer at least."""
+"""Bytes that signing adds to an L0 part at least."""
 
 _COMPACT_BIT = 0x20
 """Bit of the first byte that marks a compact L0."""

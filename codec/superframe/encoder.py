@@ -34,7 +34,7 @@ from codec.superframe.slow_channel import SlowSender, usual_sender
 from codec.superframe.superframe import Superframe
 
 _FILMED_BYTES = 8
-"""Bytes of L0 from which a superframe can be a filmed one: labels and a slow piece fit."""
+"""Least bytes of L0 in a filmed superframe: labels and a slow piece fit."""
 
 _LEAST_S = 2.0
 """Length of a motion that says whether it was filmed."""

@@ -19,11 +19,11 @@ from codec.superframe.score_coding import part_of
 from codec.superframe.superframe import resynthesis_of
 
 _LOOKED_AT = 24
-"""Superframes that are looked at, at most; they lie evenly among those in which keys start."""
+"""Most superframes that are looked at, spread evenly over those with a key's start."""
 
 _LEFT = 0.25
-"""Part of the energy that the prediction leaves, in the median superframe, from which a cuer counts
-as filmed: three virtual laws of movement leave .03 to .06, a second virtual cuer and 8 takes of a
+"""Least part of the energy that the prediction leaves of a filmed cuer, in the median superframe:
+three virtual laws of movement leave .03 to .06, a second virtual cuer and 8 takes of a
 real one .44 to .71."""
 
 

@@ -27,7 +27,7 @@ NOMINAL_MM = 40.0
 """Width of the steps at which predictions are compared: that of 4 mm on films of real cuers."""
 
 _CLEAR_BITS = 12.0
-"""Bits by which the whole prediction has to beat none for its parts not to be looked at."""
+"""Bits: where the whole prediction beats none by so many, its parts are not looked at."""
 
 _TOLD_BITS = 3.0
 """Bits that it takes, about, to say that a part of the prediction counts less."""

@@ -31,7 +31,7 @@ _TOLERANCE_MM = {"p b m": (0.1, 0.3), "f v": (0.4, 0.4)}
 """How far the features may be from the viseme's; other phones do not insist on them."""
 
 _NEAR = 0.4
-"""Share of the way to the nearest rival by which a mouth may miss its viseme."""
+"""Greatest error of a mouth, as a share of the way from its viseme to the nearest rival."""
 
 _FARTHEST_MM, _TWINS_MM = 2.0, 0.7
 """Greatest distance allowed, and visemes too near to each other to be distinguished.
@@ -40,10 +40,10 @@ Means over the markers of the lips; twins are the a of *patte* and *pâte*.
 """
 
 _CORE = 0.2
-"""Half of the part of a phone in which its contract holds whole."""
+"""Half of a phone's core, where its contract holds whole, as a share of the phone."""
 
 _LEAST_CORE_TICKS = 1.0
-"""Ticks in a phone's middle in which its contract holds whole."""
+"""Least length in ticks of a phone's core, where its contract holds whole."""
 
 _FADE_TICKS = 2.5
 """The contract begins and ends so gradually: lips move at natural speed."""

@@ -18,7 +18,7 @@ from codec.superframe.score_coding import ScorePart
 from codec.superframe.window import Window, join_windows
 
 NOMINAL_TICKS = 4
-"""Length of a phone of which only the beginning is known."""
+"""Length in ticks of a phone whose end is unknown."""
 
 
 Parts = Mapping[int, ScorePart | Window]

@@ -39,7 +39,7 @@ The symbol behind it is the context of a preview's first start: the superframe's
 _CELLS = TICKS // CELL
 
 WHICH = cumulative([12, 1, 1, 4, 14])
-"""Frequencies of which previews there are (V1)."""
+"""Frequencies of the previews that there are (V1)."""
 
 _CONSONANT_PERCENT = 40
 """Share of a key's length that is its consonant."""

@@ -21,7 +21,7 @@ NO_RESIDUAL = STEPS - 1
 """The step number that says that no coefficient follows."""
 
 LEVELS = (0, 4, -4, 8, -8, 12, -12)
-"""Quarter octaves by which a superframe can raise all scales, if it moves more or less than
+"""Changes of all scales of a superframe in quarter octaves, if it moves more or less than
 expected (Q6)."""
 
 SHARES = (1.0, 0.5, 0.0)
@@ -37,7 +37,7 @@ UNUSED = (len(SHARES) - 1,) * PARTS
 """Shares of a superframe that does without its prediction."""
 
 N_COURSES = 4
-"""Forms of movement of which a superframe names one (`resynthesis.course.COURSES`)."""
+"""Forms of movement; a superframe names one (`resynthesis.course.COURSES`)."""
 
 FRACTION_BITS = 16
 """Bits behind the point of values in mm (Q1)."""

@@ -36,7 +36,7 @@ REACH = len(BLEND)
 """Frames of a neighbour that a superframe moves."""
 
 _STEP = 1e-2
-"""Change of a parameter by which slopes are taken."""
+"""Change of a parameter that slopes are taken from."""
 
 _NEAR = 1
 """Steps to either side that are tried."""
@@ -54,7 +54,7 @@ _LIGHT = 0.05
 """Weight of bits where a coarser or finer step begins with what another one said."""
 
 _OVER_BITS = 1.0
-"""Bits by which coefficients may exceed their room here: the parts' ends say what fits."""
+"""Bits that coefficients may exceed their room by: the parts' ends decide what fits."""
 
 
 @dataclass(frozen=True, slots=True)

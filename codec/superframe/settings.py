@@ -32,7 +32,7 @@ SHIFTS = cumulative([10, 2, 2, 1, 1])
 """Frequencies of the shifts (H8)."""
 
 WHOLE, NONE, BY_PART = range(3)
-"""Ways in which a superframe uses its prediction (H8)."""
+"""How a superframe uses its prediction (H8)."""
 
 USES = cumulative([8, 4, 4]), cumulative([6, 9, 1])
 """Their frequencies, and those of filmed superframes (H13)."""

@@ -127,7 +127,7 @@ def present_tables() -> dict[str, Any]:
 
 
 _USUAL = 80
-"""Mean length of a phone of which nothing was counted, in sixteenths of a tick (S12)."""
+"""Mean length of a phone without any counts, in sixteenths of a tick (S12)."""
 
 
 @functools.lru_cache(maxsize=8)

@@ -101,7 +101,7 @@ class Basis:
 
 
 Bases = tuple[Basis, ...]
-"""Bases of which a superframe names one (Q6): residual, loose, plain, filmed."""
+"""Bases, one named by each superframe (Q6): residual, loose, plain, filmed."""
 
 
 _NOISE = 0.02

@@ -37,7 +37,7 @@ BEGIN_CELL = 8
 """Ticks of a cell of the window's begin (M4)."""
 
 BEGIN = cumulative([3, 4, 5, 6, 7, 7, 6, 5, 4, 4, 3, 3, 2, 2, 2, 1])
-"""Table of the cells in which a window begins."""
+"""Table of a window's first cell."""
 
 FINE, RULED = range(2)
 

@@ -92,7 +92,7 @@ _LATE = 4
 """Maximum end-time error of the last phone, in ticks."""
 
 _LONGER = 8
-"""Ticks by which a phone may really last longer than coded before a window ends there."""
+"""Most ticks that a phone may last longer than coded without ending its window."""
 
 _Meant = tuple[int, int, int, int]
 """Number, start and end of a phone in a window, and symbols of the code up to its end."""

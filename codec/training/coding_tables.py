@@ -34,7 +34,7 @@ _PRIOR_FRAMES = 5.0
 """Weight of the voice's gesture table against the frames of a target."""
 
 _LOOSER = 6
-"""Quarter octaves by which an underived loose basis expects more than the other one."""
+"""Quarter octaves that an underived loose basis expects above the other one."""
 
 _GREAT = 16
 """Channels of most motion, over which the spectrum of filmed motion is the mean."""

@@ -22,10 +22,10 @@ _MAX_WEIGHT = 0.99
 """Largest share of the jaw's motion that a marker follows."""
 
 _THROAT_FRAMES = 1500
-"""Frames from which the throat's weights are learnt: a bound on time."""
+"""Frames that the throat's weights are learnt from: a bound on time."""
 
 _ROUNDS = 3
-"""Rounds in which components and the throat's weights are found in turn."""
+"""Rounds; each finds components and the throat's weights in turn."""
 
 
 def _coordinates(names: tuple[str, ...], axes: str) -> NDArray[np.intp]:

@@ -30,7 +30,7 @@ LINES = (
 """Sentences of the speaker."""
 
 _FIRST_LINE_S = 2.5
-"""Seconds before the first line, in which a receiver tunes in."""
+"""Seconds before the first line: a receiver tunes in."""
 
 _PAUSE_S = 0.9
 """Seconds between lines."""

@@ -19,7 +19,7 @@ _MOMENTS = 6
 """Keys that the strip shows."""
 
 _APPROACH_S = 0.06
-"""Seconds before a key's start from which its stillest moment is looked for."""
+"""Seconds before a key's start: the search for its stillest moment begins there."""
 
 _LOOK_HZ = 100.0
 """Moments per second among which the stillest is looked for."""

@@ -30,7 +30,7 @@ _ATTEMPTS = 5
 """How often a programme is given to a worker before it counts as the one that kills them."""
 
 _BUSY_S = 0.3
-"""Pause before asking again for a programme on which another batch works."""
+"""Pause in seconds before asking again for a programme that another batch works on."""
 
 _BUSY = "elsewhere"
 

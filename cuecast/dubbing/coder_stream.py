@@ -33,7 +33,7 @@ _ENCODERS = {
 """Encoder of each name."""
 
 USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k,mp2:192k"}
-"""Coders on which a profile is rehearsed by default."""
+"""Coders of a profile's rehearsal by default."""
 
 LONGEST_CHAIN = 4
 """Coders in a row: their delays add up, and the rehearsal looks for 8192 samples."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from codec.compiled import njit
 
 SPATIAL, TEMPORAL = 4.0, 6.0
-"""Strengths for luma in levels of 8 bits: difference of which a quarter remains as filtering."""
+"""Strengths for luma in levels of 8 bits: a quarter of such a difference remains as filtering."""
 
 _FINE = 16
 """Entries of the table of weights per level."""

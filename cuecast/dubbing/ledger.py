@@ -23,7 +23,7 @@ from cuecast.command.version import installed_version
 from cuecast.dubbing.catalogue import Task
 
 WORK = ".cuecast-batch"
-"""Folder beside the outputs in which items are worked on; gone when nobody works."""
+"""Folder of items in work, beside the outputs; gone when nobody works."""
 
 _BLOCK = 1 << 20
 """Bytes that are hashed at once."""

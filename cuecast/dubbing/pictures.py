@@ -15,7 +15,7 @@ from watermark.video.embed import VideoEmbedder
 from watermark.video.profile import find_profile as find_video_profile
 
 CARRIERS = ("video", "a335")
-"""In the order in which they are written: the line has to stay as it was written."""
+"""In the order of writing: the line has to stay as it was written."""
 
 
 SourceOf = Callable[[int, int], Callable[[int], tuple[bytes, bytes]]]

@@ -40,7 +40,7 @@ _LEFT_OUT = 1 / 3
 """Share of words that television leaves out."""
 
 _ROOM_S = 0.5
-"""Seconds by which a subtitle is wider than its words, on either side."""
+"""Seconds that a subtitle is wider than its words, on either side."""
 
 _LINE_WORDS, _LINE_GAP_S = 8, 0.3
 """A subtitle ends after this many words, or before a pause as long."""

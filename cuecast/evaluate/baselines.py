@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Result = tuple[float, Array]
 
 _LARGEST = 40
-"""Index from which indices are coded by an escape."""
+"""Least index coded by an escape."""
 
 _SEGMENT = 16
 """Frames of a block of cosines (ISO/IEC 14496-2)."""

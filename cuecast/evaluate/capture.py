@@ -51,7 +51,7 @@ _STUDIO_HZ, _CAMERA_HZ, _TELEPHONE_HZ = 120.0, 30.0, 60.0
 """Frames per second of motion capture, of a film, and of a telephone's face tracker."""
 
 _TAIL_S = 1.0
-"""Seconds after the last phone, in which the hand comes to rest."""
+"""Seconds after the last phone: the hand comes to rest."""
 
 _TURN = (-1.57, 0.0, 0.0, 300.0, 900.0, 1200.0)
 """Turn in radians and shift in mm of another laboratory's axes: z up, metres away."""

@@ -81,7 +81,7 @@ _FEW = 20
 """Sentences of the shorter measurements."""
 
 _LONG = 10_000
-"""Frames of a motion from which losses mean anything."""
+"""Least frames of a motion for losses to mean anything."""
 
 BUILT_IN = "minimum-jerk"
 """Name of the data that the baselines are measured on as well."""

@@ -60,7 +60,7 @@ _NOISE_MM = 3.0
 """Standard deviation in mm of the hand's landmarks."""
 
 _TAIL_S = 1.0
-"""Seconds after the last phone, in which the hand comes to rest."""
+"""Seconds after the last phone: the hand comes to rest."""
 
 _TAKES = 8
 """Takes of each virtual cuer; as many seconds as a minute or two of a real one."""
@@ -69,7 +69,7 @@ _SENTENCES = 4
 """Sentences of a take, kept from training."""
 
 _WORSE = 1.01
-"""Ratio from which a take counts as worse with its score than without."""
+"""Least ratio of a take that counts as worse with its score than without."""
 
 
 def evaluate(options: EvaluateOptions) -> list[Row]:

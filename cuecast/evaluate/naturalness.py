@@ -24,7 +24,7 @@ _BANDS, _LOWEST_HZ, _HIGHEST_HZ = 24, 80.0, 8000.0
 """Bands of a spectrum, equally wide in mel."""
 
 _FLOOR_DB = -70.0
-"""Level below full scale from which bands count."""
+"""Least level of bands that count, in dB of full scale."""
 
 _MOST_CHANGE = 1.5
 """Factor on a duration beyond which a part counts as stretched."""

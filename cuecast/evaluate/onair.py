@@ -31,7 +31,7 @@ LOST = 0.05
 """Share of superframes that are lost, at random."""
 
 WORSE = 1.03
-"""Ratio of errors from which a take counts as worse with keys than without a score."""
+"""Least ratio of errors of a take that counts as worse with keys than without a score."""
 
 _RUNS = 6
 """Times that each take loses superframes."""

@@ -83,7 +83,7 @@ _TAUGHT = 40
 """Sentences that the reader is taught on."""
 
 _SLOW = 1.2
-"""Sentences on which the reader is taught, at this many syllables a second."""
+"""Pace of the sentences that teach the reader, in syllables a second."""
 
 _STRIP_PICTURES = 12
 """Pictures of the film strip."""

@@ -45,7 +45,7 @@ _SKIPPED, _WRONG = 0.55, 0.5
 those of ``shared/tools/real_cuers.py``."""
 
 _LEAST_SHARE = 0.05
-"""Share of a class from which a confusion is listed."""
+"""Least share of a class for a confusion to be listed."""
 
 REAL = "real"
 

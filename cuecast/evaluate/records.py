@@ -29,7 +29,7 @@ RECORD_VERSION = 1
 """Version of the documents' form."""
 
 PACKAGES = ("numpy", "scipy", "numba", "av")
-"""Libraries on which figures depend most."""
+"""Libraries that figures depend on most."""
 
 FIELDS = (
     "record", "kind", "command", "commit", "version", "date", "seed", "machine", "clips", "results",

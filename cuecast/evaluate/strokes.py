@@ -32,10 +32,10 @@ REAL = {
 """Medians of three groups of utterances by two real cuers, filmed; the tracker's noise included."""
 
 _EAR_TO_EAR_MM = 153.0
-"""Distance in mm between the ears by which pictures are scaled."""
+"""Distance in mm between the ears; pictures are scaled by it."""
 
 _LEAST_PEAK_MM_S = 120.0
-"""Peak speed in mm/s from which a movement counts as a stroke."""
+"""Least peak speed of a stroke in mm/s."""
 
 _ENDS = 0.15
 """Share of the peak speed at which a stroke begins and ends."""
@@ -47,13 +47,13 @@ _FINE = 4
 """Points between frames at which ends are looked for."""
 
 _LONG_MM = 25.0
-"""Way in mm from which a stroke's form is judged."""
+"""Least way in mm of a stroke whose form is judged."""
 
 _SHORT_HOLD_S = 0.04
 """Seconds below which a hold counts as none."""
 
 _LONG_HOLD_S = 0.1
-"""Seconds from which the hand's speed in a hold is judged."""
+"""Least seconds of a hold whose speed is judged."""
 
 _LEAST_CHANGE_MM_S = 150.0
 """The same of the fingers' distances, for a change of shape."""

@@ -33,7 +33,7 @@ from synth.units.recordings.sentences import choose_sentences
 ALIGNMENT = "paper"
 
 _COMPARED = 24
-"""Sentences by which rules and units are compared."""
+"""Sentences that compare rules and units."""
 
 _SPEED_PERCENTILE = 99.9
 """Percentile of recorded speeds that joins are held against."""

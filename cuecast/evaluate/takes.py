@@ -34,7 +34,7 @@ from synth.studio.studio import Studio, surround
 from synth.studio.take import record
 
 _FRAMING_TAKES = 3
-"""Takes from which the axes of a laboratory are found."""
+"""Takes that the axes of a laboratory are found from."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,10 +41,10 @@ _KEPT_S = 12.0
 """Seconds that are kept of her."""
 
 _LOOKED_AT_S = 8.0
-"""Seconds in which keys are looked for."""
+"""Seconds searched for keys."""
 
 _DRIFT = 1e-3
-"""Seconds in a second by which the clock of her lines may be slow."""
+"""Most seconds in a second that the clock of her lines may lose."""
 
 _NEW_CLOCK_S = 2.0
 """Lines that come so much later or earlier than those before have a new clock."""

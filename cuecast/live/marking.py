@@ -42,7 +42,7 @@ _LOOK_S = 0.02
 """How often the process looks for such lines."""
 
 _CAUGHT_UP_S = 0.3
-"""Age of sound from which it is marked again, once some had to be passed over."""
+"""Age in seconds of sound that is marked again, once some had to be passed over."""
 
 _TRIAL_S = 1.0
 """How long a process that is late tries to catch up before it passes sound over."""

@@ -40,7 +40,7 @@ _STALE = round(0.3 * TICKS_HZ)
 """Marked sound that is later than this is not sent any more."""
 
 _BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
-"""Lateness from which empty packets, and from which further packets carry the sound too."""
+"""Lateness in ticks: beyond it empty packets, and further packets, carry the sound too."""
 
 _RESUMED = 0.2
 """Share of the delay for which marked sound has to be ready before marking resumes after a bypass:

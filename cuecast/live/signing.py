@@ -7,7 +7,7 @@ from cuecast.dubbing.signing import Signing
 from watermark.link.superframe import SUPERFRAME_S
 
 _KEPT = 64
-"""Superframes of which the proof is remembered."""
+"""Superframes with a remembered proof."""
 
 
 class LiveSigning:

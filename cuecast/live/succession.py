@@ -41,7 +41,7 @@ _LONGEST_MESSAGE = 65_536
 """Bytes of a message at most: a report of the state is shorter."""
 
 _READY, _STATE, _PROCESS, _OVER = b"R", b"S", b"P", b"O"
-"""Messages: it has loaded; the state from which records follow; a process; no need any more."""
+"""Messages: it has loaded; the state, then records; a process; no need any more."""
 
 
 class Successor:

@@ -25,7 +25,7 @@ FASTEST = 1.25
 """How much faster than at rest she cues to catch up; beyond that text is left out."""
 
 HURRY_FROM_S = 1.0
-"""Lag from which she hurries, in full at twice that."""
+"""Lag in seconds that makes her hurry, in full at twice that."""
 
 _KEPT_S = 8.0
 """Score that is kept behind the requested time: the motion of a window depends on it."""

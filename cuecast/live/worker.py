@@ -24,7 +24,7 @@ _HUNG_S = 2.0
 """Seconds without a sign of life after which a process counts as stopped; a busy one gives some."""
 
 _HUNG_AGAIN_S = 60.0
-"""Seconds after the start of a process in which it is not given up for that."""
+"""Seconds after the start of a process before it can be given up for that."""
 
 _KEPT_MESSAGES = ("sound", "pcm", "subtitle", "caption")
 """Kinds of messages that a process which takes over is given again."""

@@ -16,7 +16,7 @@ TELLING = ("ac3", "eac3")
 _SYNC = b"\x0b\x77"
 
 _ENHANCED_FROM = 11
-"""Identifications of a bit stream (bsid) from which it is Enhanced AC-3."""
+"""Least identification of a bit stream (bsid) of Enhanced AC-3."""
 
 _CENTRE = ("0.707", "0.595", "0.5")
 """Share of the centre in two channels by code."""

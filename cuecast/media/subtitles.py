@@ -41,7 +41,7 @@ FRENCH = {"fra", "fre", "fr"}
 _UNTOLD = {"", "und", "mul", "qaa"}
 
 _SCANNED_BYTES = 4 << 20
-"""Of a transport stream, in which its tables and a text have to come."""
+"""Bytes of a transport stream that have to bring its tables and a text."""
 
 _SCANNED_PACKETS = 400
 """Packets that are looked at for tracks."""

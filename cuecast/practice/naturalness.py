@@ -36,7 +36,7 @@ _SHORTEST_S = 0.5
 """Seconds of a recording at least."""
 
 _MOST_APART = 0.5
-"""Share by which sound and motion of a recording may differ in length."""
+"""Greatest relative difference in length between sound and motion of a recording."""
 
 
 def prepare(

@@ -28,7 +28,7 @@ _CAP_SHARE = 0.35
 """Share of the shoulder's cap that follows the upper arm; the rest follows the collar bone."""
 
 _LOWERED_DEG = 14.0
-"""Degrees by which the collar bones sink with the arms: the mesh spreads its arms by 45 degrees,
+"""Sinking of the collar bones with the arms, in degrees: the mesh spreads its arms by 45 degrees,
 which lifts the shoulders. The acromion is then .35 heads below the chin, as in the ANSUR survey
 (Gordon et al. 1989)."""
 

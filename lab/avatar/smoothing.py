@@ -5,7 +5,7 @@ import numpy as np
 from lab.avatar.parts import FloatArray, IntArray
 
 _LEAST_MM = 0.4
-"""Height in mm of the curve over the middle of an edge from which the edge is divided."""
+"""Least height in mm of the curve over the middle of an edge that is divided."""
 
 
 def rounded(

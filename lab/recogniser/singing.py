@@ -26,7 +26,7 @@ _STRENGTH = (0.8, 1.5)
 """Ratio of the singer to the music, by root mean square."""
 
 _LEAST_VOICED = 0.2
-"""Share of voiced frames from which a sound counts as a voice."""
+"""Least share of voiced frames in a sound that counts as a voice."""
 
 _SHORTEST_S, _LONGEST_S = 1.0, 6.0
 """Length of the phrases that are taken."""

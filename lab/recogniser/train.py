@@ -57,7 +57,7 @@ _READ_AT_HZ = (RATE_HZ, 25_600, 19_000)
 """Rates as which renderings are read: as they are, from a shorter and a longer vocal tract."""
 
 _SLOWER = (6, 5)
-"""Ratio by which recordings are heard slower and lower as well, as if a man spoke."""
+"""Ratio that makes recordings slower and lower as well, as if a man spoke."""
 
 _BYTES_PER_S = 8_000
 """Of G.722."""

@@ -21,8 +21,8 @@ LOWER_SHARE = 0.65
 """Part of an overlap that the lower lip yields; the upper lip yields the rest."""
 
 _BULGE_MM = 1.2
-"""Height in mm of the lower lip's edge over the line between the corners from which it is wholly
-level: f and v, where the lip lies along the edge of the upper teeth."""
+"""Height in mm of the lower lip's edge over the line between the corners that levels it wholly:
+f and v, where the lip lies along the edge of the upper teeth."""
 
 _CLEARANCE_MM = 1.4
 """Thickness of a lip before the teeth, at least."""

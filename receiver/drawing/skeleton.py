@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 _TIPS = [HAND_MARKERS.index(name) for name in ("F2T", "F3T")]
 _WRIST = HAND_MARKERS.index("W1")
 _POINTING = 16
-"""Power of its distance from the wrist by which the farther of two finger tips is the pointing
+"""Power of the distance from the wrist; it makes the farther of two finger tips the pointing
 one."""
 
 

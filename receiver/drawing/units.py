@@ -34,7 +34,7 @@ _FIRMNESS_MM = 0.8
 """Displacement in mm that a full weight has to be worth: smaller ones are noise."""
 
 _LIKENESS_MM = 8.0
-"""Displacement in mm by which a difference between left and right has to be seen."""
+"""Displacement in mm that has to show a difference between left and right."""
 
 
 def unit_weights(

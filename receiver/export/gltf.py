@@ -32,7 +32,7 @@ _SHARES = np.linspace(0, 1, 6)
 _BONES = ("clavicleRight", "upperArmRight", "lowerArmRight", "clavicleLeft")
 
 _LIP_RANK = 16
-"""Directions in which the lips' corrections are kept, chosen for an error below 0.05 mm."""
+"""Directions kept of the lips' corrections, chosen for an error below 0.05 mm."""
 
 _MOST_LIP_FRAMES, _BATCH = 2000, 64
 """Frames that these directions are learnt from, at most, and frames computed at once."""

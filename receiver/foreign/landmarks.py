@@ -19,7 +19,7 @@ IntArray = NDArray[np.int64]
 
 
 _STEEP = 0.7
-"""Share of the way to the outline of a head from which its skin falls away."""
+"""Share of the way to the outline of a head where its skin begins to fall away."""
 
 _FRONT = 0.7
 """How far behind the eyes the outline of a face is looked for, in units of the distance

@@ -28,7 +28,7 @@ _MOST_PIXELS = 1 << 26
 """Pixels of all pictures that are kept, at most."""
 
 _CHANGE = 10.0
-"""Levels of 255 by which a picture may differ from the mean of an edge's ends."""
+"""Greatest difference, in levels of 255, between a picture and the mean of an edge's ends."""
 
 _SHORTEST_MM = 1.2
 """Edges shorter than this are not divided."""
@@ -37,7 +37,7 @@ _ROUNDS = 3
 """How often triangles of different colours at their corners are divided at most."""
 
 _SEAM = 40.0
-"""Levels by which colours may differ at a vertex and still be one."""
+"""Greatest difference, in levels, between colours of a vertex that count as one."""
 
 _GLOSS = 150.0
 """Gloss of a surface without any roughness, of 255."""

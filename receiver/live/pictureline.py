@@ -18,7 +18,7 @@ from receiver.media.timed import TimedDecoder
 from receiver.television.metrics import Metrics
 
 REST_S = 60.0
-"""How long a picture in which nothing was found is left alone."""
+"""Pause in seconds before a picture without a mark is searched again."""
 
 
 @dataclass(frozen=True, slots=True)

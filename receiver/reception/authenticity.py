@@ -19,7 +19,7 @@ from codec.superframe.checks import proof_of, proved
 from receiver.reception.events import SUPERFRAME_S, AuthenticityChanged, Event
 
 _ON_GRID_S = 0.1
-"""Seconds by which a superframe may be off the public clock's grid of the last one."""
+"""Most seconds between a superframe and the public clock's grid of the last one."""
 
 _LONGEST_GAP = 64
 """Superframes that may be missing within a run; after more of them the blocks begin anew."""

@@ -17,7 +17,7 @@ TRIAL_S = 8.0
 """If nothing is found in so much picture, it is not looked at for a while."""
 
 AGAIN_S = 3.0
-"""The same for a picture in which nothing was found before: twice the time of tuning in."""
+"""The same for a picture without a find so far: twice the time of tuning in."""
 
 
 @dataclass(frozen=True, slots=True)

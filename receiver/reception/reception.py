@@ -23,7 +23,7 @@ from receiver.reception.engine import Receiver
 from receiver.reception.events import Event
 
 REST_S = 60.0
-"""How long a picture in which nothing was found is left alone."""
+"""Pause in seconds before a picture without a mark is searched again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,10 +43,10 @@ LOST_AFTER_S = 5.5 * SUPERFRAME_S
 """Reception counts as lost this long after the start of the last superframe that arrived."""
 
 _SPLICE_S = 0.1
-"""Seconds off the grid from which a superframe belongs to another one."""
+"""Least seconds off the grid of a superframe that belongs to another one."""
 
 _RECENT = 4
-"""Superframes by which the state of reception is judged."""
+"""Superframes that decide the state of reception."""
 
 _LATEST, _LONGEST = -8, SEQUENCES
 """Superframes before and after the last one that still count as one epoch: the sequence number
@@ -57,8 +57,8 @@ _AFTER, _BEFORE = 6, 2
 next that arrived. The hand rests in all between, which are reported as one."""
 
 _PROOF_BITS = 8
-"""Bits that agree with one's own identity before a grid on which it has been another one is
-believed: another one agrees by chance once in 2**8."""
+"""Bits that agree with one's own identity before a grid is believed that had another
+one: another one agrees by chance once in 2**8."""
 
 
 @dataclass(slots=True)

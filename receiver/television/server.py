@@ -44,7 +44,7 @@ MAX_VIEWERS = 8
 """Pages that may watch at a time: a household's."""
 
 FULL = 4001
-"""Code with which a WebSocket is closed when enough pages are watching."""
+"""Code of a WebSocket closed because enough pages are watching."""
 
 _HEAD_S = 5.0
 """A connection that has asked for nothing for so long is closed."""

@@ -29,7 +29,7 @@ ROUNDS_OF_SHAPES = 8
 """How often corpus 1 goes through all transitions: folded fingers need many examples."""
 
 _LEAD_S = 0.8
-"""Seconds of silence before a line, in which the hand comes up."""
+"""Seconds of silence before a line: the hand comes up."""
 
 _WORDS_PER_MINUTE = 80  # cueing slows speech down: Attina 2005 measured 2.5 to 4 syllables/s
 

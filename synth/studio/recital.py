@@ -33,7 +33,7 @@ _UNEVENNESS = 0.4
 """Standard deviation of the logarithm of a phone's length about its prediction, read speech."""
 
 TAIL_S = 1.5
-"""Seconds after the last phone, in which the hand comes to rest."""
+"""Seconds after the last phone: the hand comes to rest."""
 
 N_FACE_PARAMS = 7
 """Parameters of the face, which come first."""
@@ -42,7 +42,7 @@ _BOUNDARY_S = 0.03
 """Standard deviation in seconds of a cuer's phone boundaries against the sound's."""
 
 _LEAD_DRIFT_S = 0.03
-"""Amplitude in seconds of each wave by which a cuer runs ahead or late."""
+"""Amplitude in seconds of each wave of a cuer's lead or lag."""
 
 _DRIFT_PERIODS_S = (3.1, 7.3)
 """Periods in seconds of these waves; they have no common multiple nearby."""

@@ -11,7 +11,7 @@ from synth.motion.rules.gesture import Labels
 from synth.studio.studio import Studio
 
 _TAIL_S = 1.2
-"""Seconds after the last key, in which the hand comes to rest."""
+"""Seconds after the last key: the hand comes to rest."""
 
 _FRAMES_AT_ONCE = 2000
 """Frames that are taken at once, for constant memory."""

@@ -27,13 +27,13 @@ _LAGS_S = np.arange(-0.3, 0.41, 0.02)
 """Seconds after their labels at which a session's shapes may stand."""
 
 _NEAR = 0.35
-"""Part of a label's length by which one shape may stand off the session's lag."""
+"""Greatest deviation of a shape from the session's lag, as a part of the label's length."""
 
 _HELD_S = 0.02
 """Seconds before and after the stillest moment that count as held."""
 
 _MIDDLE = 0.3
-"""Middle part of a sound in which the lips are taken to be on target."""
+"""Middle part of a sound: the lips are taken to be on target there."""
 
 _QUIET_S = 0.15
 """Seconds from any sound after which the lips are taken to rest."""

@@ -38,7 +38,7 @@ _FRAMED_BY = 400
 """Frames that give the axes of a session."""
 
 _SLACK_S = 0.5
-"""Seconds by which the last label may outlast the markers."""
+"""Most seconds that the last label may outlast the markers."""
 
 
 @dataclass(frozen=True, slots=True)

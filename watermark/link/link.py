@@ -35,7 +35,7 @@ each wrong one passes by chance once in 2**16. Where that class fails beside a r
 wrong paths lie near the true one and are significant, too: of `standard` 5 %, of `high` 60 %."""
 
 LONG_MESSAGE, LONG_SIGNIFICANCE = 200, 1.0
-"""Message bits from which a second class counts as long, and the limit for it instead of
+"""Least message bits of a long second class, and the limit for it instead of
 `SIGNIFICANCE`: 13 % of the wrong paths reach that. With 512 paths at 0.97, one in fifty of the
 superframes of `high` that failed gave a wrong message (`tests/bench/second_class.py`)."""
 

@@ -25,7 +25,7 @@ CERTAIN = 1 - 1e-6
 """Largest belief that the channel may state."""
 
 ROUNDING = 1e-4
-"""Part by which a metric, which is computed in single precision, may be wrong."""
+"""Greatest relative error of a metric, which is computed in single precision."""
 
 BETA = 2**0.25
 """Base of the polarisation weight."""

@@ -62,7 +62,7 @@ _DC_REJECTION = np.array(
 _GROUP = 10  # neighbouring bands that are filtered by one matrix, as long as the longest of them
 
 _SPREADING_S = 0.1
-"""Time in seconds from which the pseudo code of section 2.2.7 derives the share of a new slope."""
+"""Time in seconds behind the share of a new slope in the pseudo code of section 2.2.7."""
 
 _BACKWARD = 0.9761 / 6 * np.cos(np.pi * (np.arange(11) - 5) / 12) ** 2
 """Weights of the last eleven outputs in a frame of excitation: backward masking, section 2.2.9."""

@@ -22,7 +22,7 @@ AUDIBLE_SONE = 0.1
 AUDIBLE_DELAY_FRAMES = 3  # 50 ms after both signals became audible
 
 DISTURBED = 10 ** (1.5 / 10)
-"""Ratio of noise to mask, 1.5 dB, from which a frame counts as disturbed."""
+"""Least ratio of noise to mask in a disturbed frame, 1.5 dB."""
 
 # Used where no frame is wide enough to be measured: the lower ends of the network's ranges.
 NARROW_REF, NARROW_TEST = 393.916656, 361.965332

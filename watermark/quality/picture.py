@@ -18,7 +18,7 @@ _SIGMA, _RADIUS = 1.5, 5
 11 by 11)."""
 
 _BLOCK = 16
-"""Side in pixels of the blocks in which flicker is measured."""
+"""Side in pixels of the blocks of flicker."""
 
 
 @dataclass(frozen=True, slots=True)

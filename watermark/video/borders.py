@@ -32,8 +32,8 @@ WIDTHS = (8.0, 0.4, 0.2, 0.12)
 middle of a window are far from its mean, and from the lattices."""
 
 CLEAR = 16.0
-"""Difference between the best and the worst correction in squared standard deviations from which
-the best one is taken: a picture with no border in view has none."""
+"""Least difference between the best and the worst correction, in squared standard deviations, for
+taking the best one: a picture with no border in view has none."""
 
 
 class BorderClock:

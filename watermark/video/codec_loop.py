@@ -50,7 +50,7 @@ L0_MARGIN = 2.5
 """The same where L0 alone is asked for: where so little is left the trial errs by more."""
 
 HOPELESS = 1.1
-"""Most information, in the same units, with which a class is given up: it rarely decodes."""
+"""Most information, in the same units, of a class that is given up: it rarely decodes."""
 
 NEARLY = 0.95
 """Part of the most information that is asked where the margin is out of reach."""

@@ -14,7 +14,7 @@ from watermark.video.profile import COARSE, PILOT_SPREADS, STRONG_TEXTURE, TEXTU
 FloatArray = NDArray[np.float64]
 
 PILOT_TEXTURES = TEXTURE, STRONG_TEXTURE
-"""Textures from which pilots have the second and the third of their steps."""
+"""Least textures for the second and the third of the pilots' steps."""
 
 BLUR = 0.15
 """Uncertainty of a cell's texture, as a part of it; coding also lowers it a little."""

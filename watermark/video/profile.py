@@ -31,7 +31,7 @@ COARSE = 3
 the same bit."""
 
 TEXTURE = 2.0
-"""Texture in luma of 8 bits from which a cell has the coarse step."""
+"""Least texture in luma of 8 bits of a cell with the coarse step."""
 
 PILOT_STEP = 2.8
 """Fine step of the pilots, whatever that of the data."""
@@ -41,7 +41,7 @@ PILOT_SPREADS = (1, 3, 5)
 the picture moves or its place is not known exactly, only wide lattices are read."""
 
 STRONG_TEXTURE = 5.0
-"""Texture in luma of 8 bits from which pilots have their widest step."""
+"""Least texture in luma of 8 bits for the pilots' widest step."""
 
 COMMON, COMMON_OF = 3, 5
 """The first ones of as many pilots in a row have bits that are the same in all modes."""

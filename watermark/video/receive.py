@@ -36,7 +36,7 @@ TRIALS = 3
 """Places that are tried at the same time."""
 
 BETTER = 1.0
-"""Standard deviations of noise by which a place has to agree better than one on trial next to it
+"""Least advantage of a place over the one on trial next to it, in standard deviations of noise,
 to take its turn."""
 
 TRIAL_SPANS = 1.5

@@ -36,10 +36,10 @@ LOOKS = 10
 off, for the mean over another window is another picture. Elsewhere every second one is left out."""
 
 EAGER = 8
-"""Superframes in which crops are looked for all the time; then, in every second one."""
+"""Superframes that are all searched for crops; then, every second one is."""
 
 MOVING = 3.0
-"""Mean difference between a frame and the mean of its window from which the picture moves."""
+"""Least mean difference between a frame of a moving picture and the mean of its window."""
 
 SPARSE = 4
 """Every such line and column is looked at for motion."""

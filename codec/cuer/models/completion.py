@@ -30,8 +30,8 @@ _SMOOTHED_S = 0.025
 """Half length in seconds of the smoothing before completion: half a tracker's frame each way."""
 
 _SUSPECT_MM = 12.0
-"""Distance in mm from its expectation from which a marker counts as another one's: the width of a
-finger."""
+"""Least distance in mm from its expectation of a marker that counts as another one's: a finger's
+width."""
 
 _COMPONENTS = 12
 """Normal distributions of a digit: nine shapes and the ways between them."""
@@ -268,7 +268,7 @@ def _in_palm(
 
 
 MEMORY_S = 0.02
-"""Time constant in which knowledge of a hidden marker fades."""
+"""Time constant in seconds: knowledge of a hidden marker fades."""
 
 
 def blend(

@@ -15,7 +15,7 @@ MOTION_LEFT_MM = 1.0
 """Largest residual of the components of motion, in mm."""
 
 N_DEVIATIONS = 16
-"""Directions in which a model's residuals are kept."""
+"""Directions kept of a model's residuals."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,13 @@ COURSES = (1.0, 0.75, 0.55, 0.42)
 """Powers to which the elapsed part of a movement is raised: below 1 its speed peaks early."""
 
 SHIFTS = (0, 3, -3, 6, -6)
-"""Ticks by which the hand can be earlier than the rule says."""
+"""Shifts of the hand in ticks, earlier than the rule."""
 
 _REACH_TICKS = 22.5
 """Ticks from a phone beyond which it has no say (P7)."""
 
 _RISE_TICKS = 2.5
-"""Ticks in which its weight falls by itself (P7)."""
+"""Time constant of the weight's own fall, in ticks (P7)."""
 
 _SHARE_OF_LENGTH = 0.6
 """Share of half its length over which it falls besides (P7)."""

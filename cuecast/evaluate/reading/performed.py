@@ -22,7 +22,7 @@ _TRACKER_MM = 0.8
 """Noise of a tracker's landmarks of the hand in mm, as in `cuecast.evaluate.readability`."""
 
 _TAIL_S = 1.0
-"""Seconds after the last phone, in which the hand comes to rest."""
+"""Seconds after the last phone: the hand comes to rest."""
 
 _CODED_BPS = 337.5
 """Rate in bit/s at which a film's cuer has travelled: that of the usual sound profile."""

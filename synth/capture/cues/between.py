@@ -19,7 +19,7 @@ from codec.cues.score import SHAPES
 FloatArray = NDArray[np.float64]
 
 _TAIL = 6.0
-"""Squared distance, in spreads, from which an example counts half."""
+"""Squared distance, in spreads, of an example that counts half."""
 
 _OUT = {1: (0,), 2: (0, 1), 3: (1, 2, 3), 4: (0, 1, 2, 3), 5: (0, 1, 2, 3), 6: (0,), 7: (0, 1),
         8: (0, 1)}  # fmt: skip

@@ -45,7 +45,7 @@ _FINGERS_MM = 10.0
 to 0.060 s off)."""
 
 _STRAIGHT = 0.55, 0.08
-"""Extension from which a finger's own tip shows where it points, and the softness of that."""
+"""Least extension of a finger whose own tip shows where it points, and the softness of that."""
 
 _REACH = {8: (5, 1.0), 12: (9, 1.05)}
 """Tips of index and middle finger: their knuckle, and the length of the finger in palms."""

@@ -29,7 +29,7 @@ ALTERNATIVES = {
     "ə": ("side", "cheek"), "œ": ("side", "cheek"), "ø": ("cheek", "side"),
     "œ̃": ("throat", "cheek"), "ɔ": ("chin", "side"), "o": ("side", "chin"),
 }  # fmt: skip
-"""Placements of vowels on which cuers, and labels, differ; the charts' own first."""
+"""Placements of vowels that cuers, and labels, place differently; the charts' own first."""
 
 _BAND = 300
 """Keys before and after the expected one that come into question in a frame."""
@@ -38,7 +38,7 @@ _AROUND_S = 0.1
 """Seconds about a key's moment that show how well it fits."""
 
 _AGREES, _FEW_AGREE, _LEAST_AGREE = 0.5, 0.4, 0.3
-"""Mean probability of a text's keys from which it is believed, as a part of how sure the take is of
+"""Least mean probability of a believed text's keys, as a part of how sure the take is of
 its own keys, how much more by the root of their number (few keys agree by chance), and at least. A
 noisy film is sure of nothing, of the right text neither: on takes of a real cuer and of the same
 warped to other bodies, right texts had .61 of it or more, wrong ones .50 or less."""

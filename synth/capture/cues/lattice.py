@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 _SIDE = PLACEMENT_NUMBER["side"]
 
 _SHORT_OF_SIDE = tuple(PLACEMENT_NUMBER[name] for name in ("mouth", "chin", "throat"))
-"""Placements from which the side is often not reached."""
+"""Placements that often leave the side unreached."""
 
 _SHORT = tuple(
     (shape, len(PLACEMENTS) + number)
@@ -43,7 +43,7 @@ KEY_OF = np.array([*range(len(KEYS)), *(KEYS.index((shape, _SIDE)) for shape, _ 
 COMES_FROM = np.array(
     [0] * len(KEYS) + [_SHORT_OF_SIDE[place - len(PLACEMENTS)] for _, place in _SHORT]
 )
-"""Placement from which a state short of the side is reached; 0 of the keys themselves."""
+"""Placement before a state short of the side; 0 of the keys themselves."""
 
 _SHORT_PART, _SHORT_SPREAD = 0.5, 0.17
 """How much of the way to the side is made in the mean, and its deviation: parts of the way.

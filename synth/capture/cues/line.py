@@ -49,7 +49,7 @@ _EDGE = -3.0
 """Price of a line that begins or ends at a key, not at rest."""
 
 _LIKELY = 0.05
-"""Probability from which looks are learnt from the candidates for a held key."""
+"""Least probability of candidates for a held key that looks are learnt from."""
 
 _PIECE_S, _MARGIN_S = 30.0, 4.0
 """Seconds that are searched at once, and those on either side that are not kept."""

@@ -42,7 +42,7 @@ _ALONE = 1.0
 """Cost of a key of one phone: they are rarer than keys of two."""
 
 _UNSURE = 0.5
-"""Confidence from which a key counts as recognised in the report."""
+"""Least confidence of a key that the report counts as recognised."""
 
 LEAST_SURE = 0.6
 """Share of keys that have to be sure for a score to help more than it misleads."""

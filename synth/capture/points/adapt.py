@@ -33,7 +33,7 @@ _SAME_HAND_MM = 1.3
 """Mean error in mm of the voice's own hand below which it will do."""
 
 _FACE_ROUNDS, _HAND_ROUNDS = 3, 4
-"""Rounds in which parameters and displacements are found in turn."""
+"""Rounds; each finds parameters and displacements in turn."""
 
 _FRAMES = 160
 """Frames that a speaker's displacements are learnt from: a bound on time."""
@@ -41,7 +41,7 @@ _FRAMES = 160
 _SIZES = np.linspace(0.8, 1.25, 10)
 
 _SIZE_FRAMES = 24
-"""Frames from which a hand's size is found."""
+"""Frames that a hand's size is found from."""
 
 _LEAST_VIEWS = 5
 """Frames that must show a marker for its displacement to be learnt."""

@@ -25,7 +25,7 @@ from synth.capture.sources.readers import read_markers, read_points
 from synth.capture.sources.recording import PointRecording
 
 _SAMPLED_FRAMES = 400
-"""Frames from which a take's place and speaker are found."""
+"""Frames that a take's place and speaker are found from."""
 
 _LISTED = 8
 """Labels that a message lists."""

@@ -40,7 +40,7 @@ from synth.capture.sources.recording import PointRecording
 BoolArray = NDArray[np.bool_]
 
 SURE = 0.9
-"""Confidence from which a pair is given."""
+"""Least confidence of a pair that is given."""
 
 MAX_POINTS = 400
 """Points that are looked at, at most: assignments grow with their cube."""
@@ -58,7 +58,7 @@ _GROUP_SIZE = (20, 100)
 """Points of a group that may be a face, with strangers and without some markers."""
 
 _TURNS = 48
-"""Rotations from which a face is looked for."""
+"""Rotations that the search for a face starts from."""
 
 _WORST_MM = 8.0
 """Distance in mm, root of the mean square, of the sure points of face or hand from their model,
@@ -84,7 +84,7 @@ _CAP_MM = 25.0
 """Distance in mm beyond which a point is a stranger to a marker in a frame."""
 
 _NONE_MM2 = 12.0**2
-"""Mean squared distance in mm2 from which a point is no marker at all."""
+"""Least mean squared distance in mm2 of a point that is no marker."""
 
 _MARGIN = 0.9
 """Margin that multiplies the odds of a pair by e, in mean squared distances of its body's pairs.
@@ -100,7 +100,7 @@ _LEAST_IN_FRAME = 8
 """Markers that a frame shows of a hand to say anything of it."""
 
 _SEED_FRAMES = 8
-"""Frames in which the hand is looked for."""
+"""Frames searched for the hand."""
 
 _SIZES = np.linspace(0.8, 1.25, 10)
 """Sizes of hands that are tried, over the voice's."""

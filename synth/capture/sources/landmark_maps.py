@@ -34,7 +34,7 @@ _RIDGE_MM2 = 0.5
 """Weight of the ridge in mm2."""
 
 _SUM_WEIGHT = 1e4
-"""Weight of the equation by which a landmark's weights sum to one: in effect infinite."""
+"""Weight of the equation that a landmark's weights sum to one: in effect infinite."""
 
 
 def _both(right: int, left: int, *stems: str) -> dict[int, tuple[str, ...]]:

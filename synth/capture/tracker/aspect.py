@@ -30,7 +30,7 @@ _LOOKED_AT_S = 15.0
 """Seconds of a film that are tried under each aspect."""
 
 _CERTAIN = 20.0
-"""Natural logarithm of the odds from which a stated aspect is doubted."""
+"""Natural logarithm of the least odds against a stated aspect that is doubted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,7 @@ LEAST_SEEN = 0.03
 little is known of its movements."""
 
 _SIZE_FRAMES = 20
-"""Frames from which the hand's size is found."""
+"""Frames that the hand's size is found from."""
 
 _AWAY_S = 0.4
 """Seconds for which a hand may be out of sight before it counts as at rest."""

@@ -35,7 +35,7 @@ _SUM_WEIGHT = 1e4
 """Weight of the equation that keeps the sum of a landmark's weights: in effect infinite."""
 
 _OUTLIER_MM = 25.0
-"""Distance in mm from which a landmark counts as a mistake of the tracker."""
+"""Least distance in mm of a landmark that counts as a mistake of the tracker."""
 
 _LEAST_FRAMES = 30
 """Frames that must show a landmark for its weights to be learnt."""

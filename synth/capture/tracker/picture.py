@@ -18,7 +18,7 @@ from synth.capture.sources.landmark_table import LandmarkTable
 FloatArray = NDArray[np.float64]
 
 _LEAST_FRAMES = 5
-"""Frames in which a landmark must be known."""
+"""Least number of frames with a known landmark."""
 
 _LEAST_LANDMARKS = 4
 """Landmarks of the face that give its place and turn."""

@@ -23,10 +23,10 @@ RIVALS = (
 """Languages between which is chosen: those of European television and its neighbours."""
 
 _MOSTLY_KNOWN = 0.75
-"""Share of known French words from which a caption is French whatever else is seen."""
+"""Share of known French words that makes a caption French whatever else is seen."""
 
 _HALF_KNOWN = 0.5
-"""Share from which it needs more to be taken for another language."""
+"""Share that keeps it French unless more speaks for another language."""
 
 _MARGIN, _LARGE_MARGIN = 8.0, 20.0
 """Logarithm of how much likelier another language must be where few words are French, and where

@@ -22,8 +22,8 @@ _ROLES = {"red": "a sound (red)", "magenta": "music (magenta)",
 _SUNG = re.compile(r"[♪♫♬♩#«»\"“]")
 
 _MOST_COLOURED, _MANY = 0.5, 20
-"""Share of a file's letters in one such colour from which it has no meaning, if the file has this
-many subtitles: no programme is half of noises."""
+"""A colour with this share of a file's letters has no meaning, if the file has this many
+subtitles: no programme is half of noises."""
 
 _SOUNDS = re.compile(
     r"(?:(?:petits?|longs?|grands?|gros|légers?|faibles?|nouveaux?|nombreux) )?"

@@ -109,7 +109,7 @@ _LETTERS = {
     "ú": "ou", "ý": "i", "ň": "gn", "ð": "d", "þ": "t", "ľ": "l", "ď": "d", "ť": "t", "ē": "é",
     "ā": "a", "ī": "i", "ō": "o", "ū": "ou",
 }  # fmt: skip
-"""Letters of neighbouring languages, and those by which French speakers read them."""
+"""Letters of neighbouring languages, as French speakers read them."""
 
 
 def _neighbours(word: str) -> str:

@@ -309,4 +309,4 @@ _PATTERNS: list[tuple[str, Reading]] = [
 ]  # fmt: skip
 
 RULES = [(re.compile(pattern), reading) for pattern, reading in _PATTERNS]
-"""Patterns and their readings, in the order in which they are applied."""
+"""Patterns and their readings, in order of application."""

@@ -17,7 +17,7 @@ from synth.motion.rules.visemes import ARTICULATORS, viseme_table
 FloatArray = NDArray[np.float64]
 
 _INSISTS = 0.5
-"""Share of dominance from which a phone holds an articulator; others let it pass."""
+"""Least share of dominance of a phone that holds an articulator; others let it pass."""
 
 _TARGET_SCATTER = 0.2
 """Standard deviation of a target's size from phone to phone, of 1."""

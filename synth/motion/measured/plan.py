@@ -63,7 +63,7 @@ _PEAK = (0.47, 0.13)
 """Share of a stroke at which it is fastest: mean, and spread from key to key."""
 
 _LATE = (0.16, 0.08)
-"""Share of a stroke by which its second component lags: mean and spread."""
+"""Lag of a stroke's second component as a share of the stroke: mean and spread."""
 
 _ARC_RAD = (0.35, 1.3)
 """Angle in radians that the path turns by: mean and spread."""
@@ -105,7 +105,7 @@ _WRIST = 3
 """Angles of the wrist, which come first."""
 
 _REST_BEFORE_S = 0.55
-"""Seconds before a key by which a rest has to end."""
+"""Latest end of a rest, in seconds before the next key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ REACH_S = 0.45
 """Seconds from a phone beyond which it has no say."""
 
 _RISE_S = 0.045
-"""Seconds in which a phone's weight falls by itself, beside a share of its length."""
+"""Time constant in seconds of the fall of a phone's weight, beside a share of its length."""
 
 _REST_DOMINANCE = 0.05
 """Weight of the mouth at rest against phones."""

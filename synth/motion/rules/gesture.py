@@ -97,10 +97,10 @@ _HELD_PART = 0.3
 """Middle part of a key whose frames are labelled as held."""
 
 _NEAR_PART = 0.15
-"""Part of a stroke in which it covers 3 % of its way, at its beginning and at its end."""
+"""Part of a stroke's time at each end that covers 3 % of its way."""
 
 _SILENT_S = 0.3
-"""Seconds of silence in which frames are labelled as a pause."""
+"""Least silence in seconds whose frames are labelled as a pause."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from synth.motion.rules.coarticulation import REACH_S, PhoneLine
 FloatArray = NDArray[np.float64]
 
 _OUT_OF_STEP_S = 0.02
-"""Most seconds by which one finger is later or earlier than the others."""
+"""Most seconds that one finger is later or earlier than the others."""
 
 
 @dataclass(frozen=True, slots=True)

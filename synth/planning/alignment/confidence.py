@@ -19,7 +19,7 @@ from synth.language.text.words import Word
 from synth.planning.alignment.align import LEAST_FIT, Aligned, SpokenPassage, align_passages
 
 LEAST_EVIDENCE = 3.0
-"""Standard errors by which the words must fit better than other words. Measured: 7.3 to 12 with the
+"""Least advantage over other words, in standard errors. Measured: 7.3 to 12 with the
 right text, 5.6 to 9.8 where a third of the words is not in it, 0.8 to 6.7 under music as loud as
 the voice; below 2.2 with other texts."""
 
@@ -39,14 +39,14 @@ NEAR = 2
 """Words on either side whose fit bears on a word's place as well."""
 
 CERTAIN = 0.97
-"""Confidence from which a word is called certain: 98 % of such words are within `WITHIN_S`."""
+"""Least confidence of a certain word: 98 % of such words are within `WITHIN_S`."""
 
 _LOGISTIC = (0.45, 1.81, 6.08)
 """Weights of a word's fit and of that of its neighbours, and constant: a logistic regression on the
 accepted words of four programmes; `cuecast evaluate alignment` shows its worth on others."""
 
 TEXTS = 3
-"""Other texts with which the words are compared."""
+"""Other texts that the words are compared with."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ SHORTEST_FRAMES, LONGEST_FRAMES = 2, 40
 """A phone lasts 20 to 400 ms."""
 
 _PAUSE_FRAMES = 5
-"""Frames from which a silence between words counts as a pause."""
+"""Least frames of a silence between words that counts as a pause."""
 
 _LENGTH_SPREAD = 0.45
 """Standard deviation of the logarithm of durations about the usual ones."""

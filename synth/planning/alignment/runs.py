@@ -21,7 +21,7 @@ _CLOSE_S = 0.8
 """Seconds between subtitles that are aligned together."""
 
 _MARGIN_S = 0.4
-"""Seconds before and after a run in which its words may be."""
+"""Margin in seconds: a run's words may lie so far before or after it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ _ROOM_S = 0.5
 """A word may begin so much before its subtitle appears, or after it is gone, at no cost."""
 
 _LEAST_DRIFT_S = 0.3
-"""Change of the lag in seconds from which the next passages are expected elsewhere."""
+"""Least change of the lag, in seconds, that moves the places of the next passages."""
 
 _LEAST_OFFSET_S = 0.5
 """Seconds below which an offset is left to the search."""

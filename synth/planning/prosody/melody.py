@@ -33,12 +33,12 @@ MOVEMENT_ST = {
     "continuation": 4.5, "statement": -5.0, "question": 9.0, "interrogation": -6.0,
     "exclamation": -7.0,
 }  # fmt: skip
-"""Semitones by which the last full vowel of a group moves. Delattre's four levels of pitch, some
+"""Movement of a group's last full vowel, in semitones. Delattre's four levels of pitch, some
 three semitones apart: a continuation goes from level 2 to 3 or 4, a question from 2 to above 4,
 the others down to 1."""
 
 ONSET_ST = {"interrogation": 6.0, "exclamation": 4.0}
-"""Semitones by which a sentence starts higher, level 4 instead of 2; it falls from there."""
+"""Rise of a sentence's start in semitones, level 4 instead of 2; it falls from there."""
 
 _LEVEL_ASKED = 0.4
 """Share of the baseline's decline that is left in a question (Di Cristo 1998, section 3.2)."""

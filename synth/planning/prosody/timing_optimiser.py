@@ -39,7 +39,7 @@ _EASY_S, _EASE = 0.18, 0.2
 """Up to so long more time is better still; weight of that against a key that is not seen."""
 
 _FASTEST_M_S, _TOO_FAST = 1.3, 8.0
-"""Planned peak speed from which on faster is worse, and cost of 1 m/s: drift adds a little."""
+"""Greatest planned peak speed without a cost, and cost of 1 m/s beyond: drift adds a little."""
 
 _WORTH = 0.02
 """Least gain, in keys that are seen, for which a shift is taken."""
@@ -64,7 +64,7 @@ _ROUNDS = 4
 """How often a key is mended."""
 
 _BAR = 0.1
-"""Cost of a key from which on it is mended."""
+"""Least cost of a key that is mended."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ _SCATTER = 0.25
 """Standard deviation of a nod's size, of 1."""
 
 _BEFORE_S, _BACK_S = 0.1, 0.7
-"""Seconds by which a nod begins before its accent, and takes to go back."""
+"""Seconds from a nod's begin to its accent, and back."""
 
 _TIPS = [layout.HAND_MARKERS.index(name) for name in (layout.FINGERS[1][-1], layout.FINGERS[2][-1])]
 _FOLLOWS = np.array([FOLLOWS_HEAD[name] for name in PLACEMENTS])

@@ -32,7 +32,7 @@ _SUBSTITUTE_COST = 0.5
 """Weight of a substitute's phonetic distance against the error of duration."""
 
 _PITCH_WEIGHT, _PITCH_STEP_WEIGHT = 0.02, 0.02
-"""Cost of a semitone by which a unit lies off the melody, and of one between units."""
+"""Cost of a semitone between a unit and the melody, and of one between units."""
 
 _LEVEL_STEP_WEIGHT = 0.01
 """Cost of a decibel between units."""

@@ -20,7 +20,7 @@ from synth.planning.alignment.align import Aligned, SpokenPassage, align_passage
 from synth.planning.alignment.recogniser import FRAME_RATE, FS
 
 _PAUSE_S = 0.12
-"""Silence between two words from which a group ends."""
+"""Least silence in seconds between two words that ends a group."""
 
 _MARGIN_S = 0.15
 """Silence that a group keeps on either side, at most."""

@@ -41,7 +41,7 @@ _TAIL_S = 1.0
 """Seconds of silence that a recording may have at either end."""
 
 _REST_S = 0.5
-"""Seconds before and after a recording in which the hand comes up and goes to rest."""
+"""Seconds before and after a recording: the hand comes up and goes to rest."""
 
 _LEVEL = 0.08
 """Root mean square of the speech after levelling, full scale 1: -22 dB."""

@@ -17,13 +17,13 @@ _FADE_S = 0.012
 """Seconds on either side of a join over which the two stretches are mixed: two or three periods."""
 
 _FARTHEST_S = 0.018
-"""Seconds beyond a stretch's end from which grains are taken: inside the sound around it."""
+"""Farthest grains in seconds beyond a stretch's end: inside the sound around it."""
 
 _NEAR_S = 0.006
 """A grain is taken of a mark that lies so near to the wanted time, seconds."""
 
 _LEVEL_S = 0.02
-"""Seconds of sound on which levels are compared."""
+"""Seconds of sound whose levels are compared."""
 
 _MOST_DB = 6.0
 """Larger steps of level are met in part: vowels and their neighbours differ by more."""

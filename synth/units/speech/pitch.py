@@ -28,7 +28,7 @@ _SILENCE = 0.03
 """Loudness, of the sound's maximum, below which a frame tends to be unvoiced (Boersma 1993)."""
 
 _VOICING_THRESHOLD = 0.45
-"""Strength from which a frame counts as voiced (Boersma 1993)."""
+"""Least strength of a voiced frame (Boersma 1993)."""
 
 _BLOCK = 512
 """Frames that are analysed at once, for constant memory."""

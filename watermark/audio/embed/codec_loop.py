@@ -26,10 +26,10 @@ from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 from watermark.link.link import L0_CHECK, L1_CHECK
 
 LEARNING_S = 2.0
-"""Sound from which the coder's delay is found."""
+"""Sound in seconds that the coder's delay is found from."""
 
 LONGEST_DELAY = 8192
-"""Samples by which a coder may be late."""
+"""Greatest delay of a coder in samples."""
 
 LEVELS_PER_DOUBLING = 2.0
 """Levels that double a superframe's information, about."""
@@ -48,7 +48,7 @@ superframe in 50 to 150 was lost that had grade left."""
 
 LEAST_ENOUGH = 170.0
 """Information that a short message asks for: its code is short, and its capacity varies more. With
-136 bits (robust) a superframe in 200 was lost through AAC 64k, none of which had run out of grade.
+136 bits (robust) a superframe in 200 was lost through AAC 64k, with grade to spare.
 """
 
 REMEMBERED = 64

@@ -30,7 +30,7 @@ ATTACK_LEAST = 1e-8
 """Power of differences below which nothing is an attack."""
 
 HEARD_BEFORE = 120
-"""Samples of a frame before an attack from which it is left unmarked: 2.5 ms are covered."""
+"""Least samples before an attack that leave its frame unmarked: 2.5 ms are covered."""
 
 CARRYING = 0.35
 """A superframe with a smaller share of living cells cannot carry and is left as it is."""

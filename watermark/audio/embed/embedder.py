@@ -37,7 +37,7 @@ MEASURED = 0.24
 on a superframe's cells errs by 8 %."""
 
 LEAST_TRUST = 0.3
-"""Least part by which it is believed that a superframe needs another level than usual."""
+"""Least trust that a superframe needs another level than usual."""
 
 LEAST_MARGIN = 1.5
 """Information in units of the message's and its checks' bits to which superframes are lowered where
@@ -45,7 +45,7 @@ their passage has no grade left for `MARGIN`: below 1.1 they fail, and one that 
 8 % more or less (standard deviation)."""
 
 EASE = LEVELS_PER_DOUBLING * math.log2(MARGIN / 1.8)
-"""Levels by which passages with grade to spare may stand below `MARGIN`: aiming at 1.8 times the
+"""Most levels that passages with grade to spare may stand below `MARGIN`: aiming at 1.8 times the
 needed information throughout lost none of 2232 superframes of twelve clips and sounds better, but
 6 of 186 of a clip whose grade is short; with this it lost 2."""
 
@@ -66,8 +66,8 @@ NEUTRAL_NEED = 5.0
 """Need of a superframe that is written at the base level."""
 
 SHORT = (0.5, -0.25)
-"""Levels that a passage of two channels lacks from which all its cells are written in the mid, of
-which coders keep most, and again in left and right, for who hears one channel only."""
+"""Levels that a passage of two channels lacks at least so that all its cells are written in the
+mid, the part that coders keep best, and again in left and right, for who hears one channel only."""
 
 REPORTED = 100_000
 """Superframes whose margins are kept for the report, 17 h."""

@@ -29,7 +29,7 @@ should have made up for it, .96, 1.22 and 1.28 units of information arrived inst
 and a superframe was lost."""
 
 NOTICED = 0.4
-"""Probability of detection from which a frame within reach is softened."""
+"""Least probability of detection of a frame within reach that is softened."""
 
 RARE, LEAST = 0.96, 0.3
 """Moments are those above this quantile of the passage's smoothed probabilities, and above this."""

@@ -52,7 +52,7 @@ QUIETEST = -math.inf
 """Base level at which all superframes have the lowest level, even those that need more."""
 
 MOVE_LIMITS = (-1.5, 1.5)
-"""Levels by which the base may change between stretches."""
+"""Greatest changes of the base between stretches, in levels."""
 
 
 class Attempt(Protocol):
@@ -99,10 +99,10 @@ SPOILT = 0.03
 counts the worst moment by itself."""
 
 RIPE = 0.25
-"""Maturity from which that is asked: a quarter of a passage."""
+"""Least maturity for that: a quarter of a passage."""
 
 SOFTER, SOFTER_TRIALS = 0.75, 3
-"""Levels by which that is tried, and how often."""
+"""Step of that trial in levels, and the number of trials."""
 
 SHORT = 0.06
 """Above the lowest grade by less than this, moments that are noticed most are relieved."""

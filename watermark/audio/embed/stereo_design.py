@@ -18,7 +18,7 @@ from watermark.audio.signal.profile import HOP, AudioProfile
 from watermark.audio.signal.stereo import channels_of, stereo_units
 
 ALIKE = 1 / 16
-"""Part of a step by which the errors of a cell in its channel and in the mid may differ, so that it
+"""Greatest difference, in steps, between the errors in its channel and in the mid of a cell that
 is written in both; at twice that, it is written in its own only."""
 
 LEANING = 0.6

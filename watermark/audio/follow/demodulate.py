@@ -36,10 +36,10 @@ UNTOLD = 24.0
 level: the last one and its neighbours are tried, too."""
 
 NEARBY = (1.5, 2.5)
-"""Deviation in frames and cells of the window in which decoded bits bear on their neighbours."""
+"""Deviation in frames and cells of the window of decoded bits that bear on a cell."""
 
 SINGLE, SURELY = 2.5, 2.0
-"""Standard deviations by which cells of one place must lie nearer to points of either bit than
+"""Standard deviations that cells of one place must lie nearer to points of either bit than
 those of another, for the sound to be taken for a single channel; and how many the others must have
 to be given weight."""
 
@@ -50,8 +50,8 @@ SPARE_TIERS = 2
 """Tiers beyond those of the profile that a change of gain may have led to."""
 
 GAIN_TRIAL, GAIN_WORTH = 0.25, 1.02
-"""Levels by which the gain is thought to have changed, and by how much the decoded bits must agree
-better then."""
+"""Supposed change of the gain in levels, and the least gain in agreement of the decoded bits
+that confirms it."""
 
 
 @dataclass(frozen=True, slots=True)

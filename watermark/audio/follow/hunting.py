@@ -52,7 +52,7 @@ RECENT_S = 10.0
 
 
 SURE_PIECES = 50.0
-"""Correlation of pilots from which a candidate in pieces promises that the next one is read:
+"""Least correlation of pilots of a candidate in pieces that promises to read the next one:
 unmarked sound had less."""
 
 WAITED_S = 3.0

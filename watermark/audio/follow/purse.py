@@ -62,12 +62,12 @@ VENTURED, VENTURES = 2.5, 32.0
 """The same for attempts at candidates: units earned in a second of sound, and units saved."""
 
 LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
-"""Significance from which a candidate is tried where all of that is saved, and from which the
-purse pays: of a hundred candidates in unmarked sound, one or two reach it."""
+"""Least significance of a candidate that is tried where all of that is saved, and of one that the
+purse pays for: of a hundred candidates in unmarked sound, one or two reach it."""
 
 UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 10.0, 32.0, 56.0, 7.0
 """Highest cost of all attempts at a candidate beyond their first decodings: by whether its pilots
-confirm it, and from which deviations on they leave no doubt."""
+confirm it, and the deviations that leave no doubt."""
 
 
 CONFIRMED = 12.0

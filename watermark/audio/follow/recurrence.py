@@ -18,8 +18,8 @@ REMEMBERED = 12
 """Superframes after which a candidate is forgotten."""
 
 NEAR, CLOCK = 2.0, 6e-5
-"""Samples by which a candidate may lie beside its place, and part of the time between two by which
-clocks may err."""
+"""Most samples between a candidate and its place, and the greatest error of clocks as a part of
+the time between two."""
 
 EXPECTED = 12
 """Superframes after one in step that are tried where they should lie."""

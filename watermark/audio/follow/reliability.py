@@ -26,7 +26,7 @@ LIMITS = (0.02, 0.95)
 """A resultant outside is an accident of few cells."""
 
 PACE, RIDGE = 0.3, 20.0
-"""Part of a Newton step by which the exponents move, and curvature added for the sake of calm."""
+"""Part of a Newton step that the exponents move, and curvature added for the sake of calm."""
 
 LARGEST_EXPONENT = 1.0
 """Exponents of power stay within this."""

@@ -59,7 +59,7 @@ MOST_BACK = 6
 """Superframes of the past that are read."""
 
 LATEST = 2.0
-"""Superframes by which reading may be late where the purse has to be filled first."""
+"""Greatest delay of reading in superframes where the purse has to be filled first."""
 
 LEVELS_BESIDE = (0, -1, 1, -2, 2)
 """Levels tried beside that of the superframe before."""

@@ -25,11 +25,11 @@ TURNED_TRIALS = 3
 """Levels at which the phases of a place are tried, the likeliest first."""
 
 LEAST_DELAY_GAIN, LEAST_PACE_GAIN = 0.2, 0.02
-"""Parts of a measured delay by which an old lock corrects place and, per superframe, clock."""
+"""Parts of a measured delay that an old lock adds to place and, per superframe, to clock."""
 
 LEAST_BEND, LARGEST_BEND, BEND_GAIN = 6e-5, 2e-3, 0.5
-"""Relative change of the clock from a superframe to the next from which it counts, twice what one
-fit errs by; its limit; and the part of a further change that is believed."""
+"""Least relative change of the clock between superframes that counts, twice the error of one
+fit; its limit; and the part of a further change that is believed."""
 
 
 @dataclass(slots=True)

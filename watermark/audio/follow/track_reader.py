@@ -50,8 +50,8 @@ BESIDE_FINE = (np.arange(-1.0, 1.1, 0.5), np.arange(-150.0, 151.0, 50.0))
 """Delays and drifts tried around what was found there."""
 
 COARSE_SCORE, BESIDE_SCORE = 24.0, 36.0
-"""Correlation of pilots from which a place beside is looked at closely, and read: three and four
-and a half standard deviations of noise."""
+"""Least correlations of pilots at a place beside that is looked at closely, and read: three and
+four and a half standard deviations of noise."""
 
 DEEP = 1e-2 * FLOOR
 """Floor of the mask where a superframe fails: a gain of -20 dB may have moved quiet bands there."""
@@ -71,14 +71,14 @@ YOUNG, LIKELY_CLOCK = 4, 1.5e-4
 to be believed nominal before: that of one superframe is known to 30 ppm."""
 
 PAIR_CHECKS = 8
-"""Superframes of an old lock of which one shows whether cells are better read elsewhere; one that
+"""One in so many superframes of an old lock shows whether cells are better read elsewhere; one that
 fails is tried there at once."""
 
 CLEARLY = 1.0
-"""Standard deviations by which known bits must fit better for cells to be read elsewhere."""
+"""Least advantage of known bits in standard deviations for cells to be read elsewhere."""
 
 BACK_GAIN = 0.5
-"""Part of the delay of a superframe of the past by which the place of the one before moves."""
+"""Part of the delay of a superframe of the past that moves the place of the one before."""
 
 
 class TrackReader:

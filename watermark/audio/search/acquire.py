@@ -38,7 +38,7 @@ from watermark.audio.signal.profile import (
 )
 
 TURNS = np.arange(-1.5, 2.1, 0.5)
-"""Samples at the search's rate by which each row's phases are turned on."""
+"""Shift of each row's phases in samples at the search's rate."""
 
 PLACE = DECIMATION * STRIDE / TURNS.size
 """Distance of the places tried: 2 samples at 48 kHz."""

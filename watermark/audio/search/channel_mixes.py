@@ -15,17 +15,17 @@ from watermark.audio.signal.mix import has_centre, weights_of
 from watermark.audio.signal.sample_buffer import REACH, SampleBuffer
 
 LONGEST_SKEW = 1440
-"""Samples by which one channel may be late: 30 ms at 48 kHz."""
+"""Greatest delay of one channel in samples: 30 ms at 48 kHz."""
 
 FINE = 8
 """Parts of a sample to which that is found."""
 
 ALIKE = 1e-8
-"""Part of a mix's power by which another must differ from it: a mix 80 dB softer than two
+"""Least difference between two mixes as a part of the power: a mix 80 dB softer than two
 channels of the same sound shows nothing else."""
 
 LEAST_LIKENESS = 6.0
-"""Ratio of the highest correlation to the others' mean power from which a skew is believed: of
+"""Least ratio of a believed skew's correlation to the others' mean power: of
 23000 delays of unlike channels, noise's highest has some 4.5."""
 
 USUAL_RMS, GATE = 10 ** (-25 / 20), 0.1

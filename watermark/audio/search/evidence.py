@@ -15,7 +15,7 @@ FADING = 0.85
 """Part of the evidence that outlives a stretch: some seven of them count."""
 
 DRIFT = 30e-6
-"""Part by which a clock may be wrong while its evidence adds up."""
+"""Greatest relative error of a clock whose evidence adds up."""
 
 FARTHEST = 12
 """Places to either side, at most, where evidence of an earlier stretch is looked for."""

@@ -17,8 +17,8 @@ from watermark.audio.search.channel_mixes import ECHO, LATE, MID, USUAL, kinds_o
 from watermark.audio.signal.profile import PILOT_STEPS
 
 STRETCH_S, SHORT_STRETCH_S = 2.2, 1.45
-"""Sound on which bands turned or pieces are tried, a superframe and its successor wherever they
-begin, and on which all else is: one superframe."""
+"""Seconds of sound for trials of bands turned or pieces, a superframe and its successor wherever
+they begin, and for all else: one superframe."""
 
 LARGEST_SPEED = 0.062
 """Largest change of speed that is tried, as a share."""
@@ -30,7 +30,7 @@ OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26))
 """What others mean by 4 %."""
 
 NEAR_SPEED = 2e-3
-"""Part by which clocks and tapes run wrong: tried on either side with its own range, to 0.35 %, and
+"""Relative error of clocks and tapes: tried on either side with its own range, to 0.35 %, and
 between them."""
 
 BROADCAST_SPEEDS = (Fraction(1001, 1000), Fraction(1000, 1001))
@@ -40,7 +40,7 @@ PERCENTS = (Fraction(106, 100), Fraction(94, 100))
 """Speeds that players offer, but for those before."""
 
 WEAK, BETWEEN = (0.0, 0.5), (0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
-"""Parts of a doubling of all steps by which a gain may have moved them, 20 dB double them: none,
+"""Parts of a doubling of all steps for gains that moved them, 20 dB double them: none,
 where weak pilots add up, and half of one; and all others."""
 
 ECHOED = (0.0, 0.25, 0.5, 0.75)
@@ -61,7 +61,7 @@ ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 6.0, 10.0, 20.0, 240.0
 of possibilities, and of speeds that no usual device has."""
 
 COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_EVIDENCE, COST_STRETCHED = 1.8, 1.5, 0.6, 0.6, 11.0
-"""Cost of a try, in thousandths of a second of a core of the machine on which it was counted:
+"""Cost of a try, in thousandths of a second of a core of the machine that counted it:
 looking at a stretch, correlating at one gain, at all clocks instead of likely ones, adding up
 evidence of a gain, and pieces."""
 

@@ -44,7 +44,7 @@ SEGMENT_FRAMES = 8
 """Frames whose pilots are summed as if the clock were right: 3 samples off at the largest error."""
 
 LOW_REACH = 6
-"""Half the length of the impulse response by which a search's sound is read, samples at its rate:
+"""Half the length of the impulse response that reads a search's sound, samples at its rate:
 its band below 2.9 kHz is free of the sound above."""
 
 DIGITS = 12

@@ -20,7 +20,7 @@ TURNS = 12
 """Phases of a slot that are tried."""
 
 LEAST_SIGNIFICANCE = 5.5
-"""Standard deviations above the mean of all places from which one is worth an attempt."""
+"""Least standard deviations above the mean of all places that are worth an attempt."""
 
 ROW = DECIMATION * STRIDE
 """Samples at 48 kHz between two places."""

@@ -36,7 +36,7 @@ REPEATED = 3.0
 near."""
 
 YOUNG_S = 8.0
-"""Sound in which all hypotheses but rare ones are tried more often by that factor."""
+"""Seconds of sound: all hypotheses but rare ones are tried more often by that factor."""
 
 PROMISING = 6.0
 """Significance of a hypothesis that is tried more often for it: one stretch of a thousand without a

@@ -27,8 +27,8 @@ SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
 must be worth: in 12 stretches of marked clips the best path was a true one."""
 
 LEAST = 45.0
-"""Correlation from which a path of pilots is worth an attempt: 11 of 12 true ones have more, and 8
-of 100 stretches of unmarked sound, of which the largest has 46.7."""
+"""Least correlation of a path of pilots that is worth an attempt: 11 of 12 true ones have more, and
+8 of 100 stretches of unmarked sound, at most 46.7."""
 
 LEAST_KNOWN = 40.0
 """The same where a mark was read not long ago: more than half of those unmarked stretches

@@ -48,7 +48,7 @@ PILOTS_PER_FRAME = 2
 """Pilot cells of each frame: the first is alike in all profiles, the second announces one."""
 
 LEVELS = tuple(2.0 * 2 ** (level / 4) for level in range(2, 14))
-"""Quantiser steps in units of the mask's amplitude, 1.5 dB apart, from which the embedder chooses
+"""Quantiser steps in units of the mask's amplitude, 1.5 dB apart; the embedder chooses one
 for each superframe. The receiver finds out; a change of gain looks like a change of level."""
 
 TIER_LEVELS = 4

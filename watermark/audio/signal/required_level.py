@@ -43,7 +43,7 @@ NOISE_LIMITS = (-8.0, 12.0)
 """Natural logarithms of the noise over the shaped threshold among which a coder's is sought."""
 
 ROUNDS = 14
-"""Halvings of the interval in which the noise is sought."""
+"""Halvings of the interval around the noise."""
 
 
 def coder_noise(powers: list[NDArray[Any]], masker: Masker, bits: float) -> NDArray[np.float64]:
