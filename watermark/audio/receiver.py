@@ -13,11 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.follow.attempt import (
-    AcceptedAttempt,
-    AssumedSound,
-    CandidateReader,
-)
+from watermark.audio.follow.attempt import AcceptedAttempt, AssumedSound, CandidateReader
 from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.hunting import HypothesisHunter
 from watermark.audio.follow.purse import (
@@ -38,13 +34,7 @@ from watermark.audio.search.channel_mixes import ChannelMix, usual_mix
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
 from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.mix import check_format
-from watermark.audio.signal.profile import (
-    FS,
-    HOP,
-    SLOT_FRAMES,
-    SUPERFRAME,
-    AudioProfile,
-)
+from watermark.audio.signal.profile import FS, HOP, SLOT_FRAMES, SUPERFRAME, AudioProfile
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.inputs import checked_block
 from watermark.link.superframe import ReceivedSuperframe
@@ -169,7 +159,7 @@ class AudioReceiver:
         """
         rest = HOP + 2 * self._tape.reach(DECIMATION) + 2 * self._quantum
         found = self.process(np.zeros((rest, self._channels), dtype=np.float32))
-        return found + self._follower.read_past(self._tape, whole=True)
+        return found + self._follower.past.read(self._tape, whole=True)
 
     def _step(self) -> list[ReceivedSuperframe]:
         found = list[ReceivedSuperframe]()
@@ -186,12 +176,12 @@ class AudioReceiver:
             found += self._follow()
         while self._stretched.complete(self._tape):
             found += self._follow_stretched()
-        found += self._follower.read_past(self._tape)
+        found += self._follower.past.read(self._tape)
         misses = min(self._follower.misses, self._stretched.misses)
         if misses >= FAILED_BEFORE_GUESSING and self._guessing:
             found += self._hunt()
         kept_s = HISTORY_S if self._follower.misses < FAILED_BEFORE_GUESSING else LONG_HISTORY_S
-        if not self._follower.remembers:
+        if not self._follower.past.unread:
             for tape in (self._tape, self._ring):
                 tape.forget(self._now - int(kept_s * self._fs))
         return found
@@ -267,7 +257,7 @@ class AudioReceiver:
         """Follow stretched sound that was locked onto, after its first superframes."""
         self._follower.track = None
         self._locked_to(self._stretched.profile)
-        return self._follower.end_past() + self._follower.note(found)
+        return self._follower.past.end() + self._follower.note(found)
 
     def _follow_stretched(self) -> list[ReceivedSuperframe]:
         """Read the superframe of stretched sound that is due; give the lock up where none is."""
@@ -292,18 +282,16 @@ class AudioReceiver:
     def _follow(self) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; search beside the track where it failed."""
         due = self._follower.track
-        if self._guessing and due is not None:
-            if self._follower.doubts(self._tape):
-                return []
-            if self._follower.doubted and (found := self._stretched.go_on(self._tape, due)):
-                return self._go_on(found)
-        before = None if due is None else replace(due)
+        if due is None or (self._guessing and self._follower.doubts(self._tape)):
+            return []
+        if self._follower.doubted and (found := self._stretched.go_on(self._tape, due)):
+            return self._go_on(found)
+        before = replace(due)
         found = self._follower.follow(self._tape, self.patience)
-        track = self._follower.track
-        if track is None and before is not None:
+        if self._follower.track is None:
             self._start_search(before.position + SUPERFRAME * before.ratio)
         elif self._follower.misses == 0:
             self._search = None
-        elif self._search is None and before is not None:
+        elif self._search is None:
             self._start_search(before.position, before)
         return found

@@ -99,12 +99,16 @@ class _Class:
         bits = np.unpackbits(np.frombuffer(payload, dtype=np.uint8)).astype(np.int64)
         return self.code.encode(np.concatenate([bits, crc_bits(bits, self.check)]))
 
-    def decode(self, llr: NDArray[np.float64], list_size: int) -> bytes | None:
+    def decode(
+        self, llr: NDArray[np.float64], list_size: int
+    ) -> tuple[bytes, NDArray[np.int64]] | None:
+        """Payload and coded bits."""
         least = self._least(llr)
         messages = self.code.paths(llr, list_size, least)[: self.paths]
         for message in messages[self._passes(messages)]:
-            if llr @ (1.0 - 2.0 * self.code.encode(message)) >= least:
-                return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes()
+            coded = self.code.encode(message)
+            if llr @ (1.0 - 2.0 * coded) >= least:
+                return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes(), coded
         return None
 
     def _passes(self, messages: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -161,13 +165,17 @@ class Link:
         """Payloads behind one log-likelihood ratio per data cell, shape (data_cells,)."""
         cut = self._first.code.length
         coded = np.full(llr.size, -1, dtype=np.int64)
-        l0 = self._first.decode(llr[:cut], list_size)
-        if l0 is None:
+        first = self._first.decode(llr[:cut], list_size)
+        if first is None:
             return Decoded(None, None, coded)
-        coded[:cut] = self._first.encode(l0)
-        first = Decoded(l0, None, coded)
-        l1 = self.second(llr, list_size=list_size)
-        return first if l1 is None else self.complete(first, l1)
+        l0, coded[:cut] = first
+        if self._second is None:
+            return Decoded(l0, b"", coded)
+        second = self._second.decode(llr[cut:], list_size)
+        if second is None:
+            return Decoded(l0, None, coded)
+        l1, coded[cut:] = second
+        return Decoded(l0, l1, coded)
 
     def beliefs(self, llr: NDArray[np.float64]) -> NDArray[np.float64]:
         """Expect each coded bit by all others, see `PolarCode.beliefs`."""
@@ -188,4 +196,5 @@ class Link:
         """L1 behind the ratios of all data cells, where L0 is known already; None if it failed."""
         if self._second is None:
             return b""
-        return self._second.decode(llr[self._first.code.length :], list_size)
+        second = self._second.decode(llr[self._first.code.length :], list_size)
+        return None if second is None else second[0]

@@ -143,6 +143,35 @@ def fit_scores(
                     score[d] += weight * cosine_of_turns(phase[d])
 
 
+@njit(cache=True, fastmath={"contract"})
+def project_phases(
+    spectra: NDArray[np.complex64],
+    amplitudes: NDArray[np.float32],
+    signs: NDArray[np.float64],
+    first: int,
+    scale: float,
+    projections: NDArray[np.complex128],
+) -> None:
+    """projections[t, g] = `scale` times the complex projection of cell g in frame t.
+
+    It is not a number where a bin of the cell is silent; cells begin at bin `first`.
+    """
+    bins = signs.size // projections.shape[1]
+    for t in range(projections.shape[0]):
+        for g in range(projections.shape[1]):
+            real, imaginary, living = 0.0, 0.0, True
+            for i in range(g * bins, (g + 1) * bins):
+                unit, value = amplitudes[t, first + i], spectra[t, first + i]
+                if unit > 0:
+                    real += value.real * signs[i] / unit
+                    imaginary += value.imag * signs[i] / unit
+                else:
+                    living = False
+            if not living:
+                real = np.nan
+            projections[t, g] = complex(scale * real, scale * imaginary)
+
+
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def phase_scores(
     projections: NDArray[np.complex128],
@@ -153,11 +182,14 @@ def phase_scores(
     turns: NDArray[np.complex128],
     table: NDArray[np.float64],
 ) -> None:
-    """table[band[g], i] += sum over t, g of weight[t, g] times the soft value after turn i."""
+    """table[band[g], i] += sum over t, g of weight[t, g] times the soft value after turn i.
+
+    Cells whose projection is not a number are left out.
+    """
     for t in range(weight.shape[0]):
         for g in range(dither.size):
-            if weight[t, g] != 0:
-                own = projections[t, g]
+            own = projections[t, g]
+            if weight[t, g] != 0 and not np.isnan(own.real):
                 for i in range(turns.size):
                     part = own.real * turns[i].real - own.imag * turns[i].imag
                     value = cosine_of_turns(harmonic * (part - dither[g]))

@@ -118,6 +118,7 @@ class Demodulator:
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
         self._retries = Retries(self)
+        self._asked: tuple[Decoded, NDArray[np.float64]] | None = None
         self.coverage = InterferenceEstimator(profile, self.layout, self._pilots)
 
     @property
@@ -340,5 +341,8 @@ class Demodulator:
 
     def expected(self, decoded: Decoded) -> NDArray[np.float64]:
         """Soft values that decoded bits ask for; 0 where unknown, shape (64, groups)."""
-        known = decoded.coded >= 0
-        return self.layout.spread(np.where(known, 1.0 - 2.0 * decoded.coded, 0.0))
+        if self._asked is None or self._asked[0] is not decoded:
+            # Each superframe is asked for by all that corrects and learns.
+            known = decoded.coded >= 0
+            self._asked = decoded, self.layout.spread(np.where(known, 1 - 2.0 * decoded.coded, 0.0))
+        return self._asked[1]

@@ -77,20 +77,20 @@ def band_of(cells: Cells) -> NDArray[np.int64]:
 def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     """Score every phase of every band by the cells that lie in it."""
     cells = known.cells
-    cut = slice(cells.first_bin, cells.last_bin)
-    unit = view.amplitudes[:, cut]
-    dead = unit <= 0
-    terms = np.where(dead, 0.0, view.spectra[:, cut] * cells.signs) / np.where(dead, 1.0, unit)
-    shape = (len(unit), -1, cells.bins)
-    projections = terms.reshape(shape).sum(axis=2) / (known.step * np.sqrt(cells.bins))
-    alive = ~dead.reshape(shape).any(axis=2)
     harmonic = 2 if known.expected is None else 1
-    weight = alive * (BLIND_TRUST if known.expected is None else known.expected)
+    shape = len(view.spectra), cells.dither.size
+    weight = np.full(shape, BLIND_TRUST) if known.expected is None else known.expected
     from watermark.audio.follow import _kernels
 
+    projections = np.empty(shape, dtype=np.complex128)
+    _kernels.project_phases(
+        np.asarray(view.spectra, dtype=np.complex64),
+        np.asarray(view.amplitudes, dtype=np.float32),
+        cells.signs, cells.first_bin, 1 / (known.step * np.sqrt(cells.bins)), projections,
+    )  # fmt: skip
     table, turns = np.zeros((bands, PHASES)), np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
     _kernels.phase_scores(
-        projections.astype(np.complex128), np.asarray(weight, dtype=np.float64), cells.dither,
+        projections, np.asarray(weight, dtype=np.float64), cells.dither,
         band_of(cells), harmonic, turns, table,
     )  # fmt: skip
     return table

@@ -6,7 +6,7 @@ decoded. Cost: two views and a fit for a superframe that is read; what one that 
 the purse's affair. Specification: spec/audio-carrier.md, W36 and W37.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
 from watermark.audio.follow.attempt import AcceptedAttempt
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
+from watermark.audio.follow.past import PastReader
 from watermark.audio.follow.purse import (
     BESIDE,
     ELSEWHERE,
     FOLLOWED,
     LOCKED_IN,
     LOST,
-    READ_BACK,
-    VIEW,
     DecodingPurse,
 )
 from watermark.audio.follow.track import Track, as_used, received
@@ -33,9 +32,6 @@ from watermark.link.superframe import ReceivedSuperframe
 REMEMBERED = 16
 """Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
 for the search, a superframe at the old place may still be read."""
-
-UNREADABLE = 10
-"""Superframes in a row that cannot be read before the past is left alone."""
 
 LOCK_IN = (
     (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),
@@ -53,40 +49,6 @@ PIECES_LATER = 4800
 
 LATEST_S = 4.0
 """Sound after a lock; past superframes that are still unread at its end are left out."""
-
-
-@dataclass(slots=True)
-class _Past:
-    """Superframes on air before a lock, which are read as the purse pays for them.
-
-    Attributes
-    ----------
-    track : Track
-        The last one that was looked at.
-    first : float
-        Where the earliest may begin.
-    until : float
-        Place of the tape's end up to which the rest is waited for.
-    failed : int
-        Superframes that failed since the last one that was read.
-    read : list of ReceivedSuperframe
-        In their order.
-    later : list of ReceivedSuperframe
-        Those read since the lock, which are handed out after the past.
-    """
-
-    track: Track
-    first: float
-    until: float
-    failed: int = 0
-    read: list[ReceivedSuperframe] = field(default_factory=list)
-    later: list[ReceivedSuperframe] = field(default_factory=list)
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing is left to be read."""
-        track = self.track
-        return self.failed >= UNREADABLE or track.position - SUPERFRAME * track.ratio < self.first
 
 
 class TrackFollower:
@@ -109,6 +71,8 @@ class TrackFollower:
         Where the next superframe is expected; None where nothing is followed.
     doubted : bool
         Whether the next superframe seems to lie in pieces.
+    past : PastReader
+        Reads what was on air before the lock.
     last_start, last_told : float
         Places of the last superframe that was read, and that was handed out.
     """
@@ -119,12 +83,7 @@ class TrackFollower:
         self.last_start = self.last_told = -np.inf
         self.doubted = False
         self._errors = self._counted = 0
-        self._past: _Past | None = None
-
-    @property
-    def remembers(self) -> bool:
-        """Whether sound before the lock is still to be read."""
-        return self._past is not None
+        self.past = PastReader(fs, reader, purse)
 
     @property
     def ber_estimate(self) -> float | None:
@@ -169,62 +128,14 @@ class TrackFollower:
                     equaliser=track.equaliser, offset=track.offset, pair=track.pair,
                 )  # fmt: skip
                 self._reader.nudge(track, delay)
-        before = self.end_past()
+        before = self.past.end()
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
         first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
         until = tape.end + LATEST_S * self._fs
-        self.doubted = False
-        self.track, self._past = track, _Past(replace(track, bend=0.0), first, until)
-        self._hold([self._deliver(track, reading)])
-        return [*before, *self.read_past(tape)]
-
-    def _hold(self, found: list[ReceivedSuperframe]) -> list[ReceivedSuperframe]:
-        """Keep superframes until those before the lock are read."""
-        if self._past is None:
-            return found
-        self._past.later += found
-        return []
-
-    def end_past(self) -> list[ReceivedSuperframe]:
-        """Read no more of what was on air before the lock; hand out what was read since."""
-        past, self._past = self._past, None
-        return [] if past is None else [*past.read, *past.later]
-
-    def read_past(self, tape: StereoBuffer, *, whole: bool = False) -> list[ReceivedSuperframe]:
-        """Read superframes that were on air before one that was found, as the purse pays.
-
-        Behind one that failed there may have been no mark: the next ones are read in brief. With
-        `whole` all are read now.
-        """
-        while (past := self._past) is not None:
-            if past.ended or (not whole and tape.end > past.until):
-                return self.end_past()
-            if not whole and not self._purse.has(READ_BACK + VIEW):
-                return []
-            self._read_before(tape, past)
-        return []
-
-    def _read_before(self, tape: StereoBuffer, job: _Past) -> None:
-        """Read the superframe before those that were looked at."""
-        past = job.track
-        self._purse.charge(READ_BACK)
-        past.position -= SUPERFRAME * past.ratio
-        raw = self._reader.view(tape, past)
-        reading = self._reader.read(tape, past, raw, due=False, brief=job.failed > 0)
-        if reading.decoded.l0 is None and not job.failed:
-            for moved in self._reader.elsewhere(tape, past, raw):
-                if not self._purse.affords(ELSEWHERE):
-                    break
-                again = self._reader.view(tape, moved)
-                reading = self._reader.read(tape, moved, again, due=False)
-                if reading.decoded.l0 is not None:
-                    job.track = past = moved
-                    raw = again
-                    break
-        job.failed = 0 if reading.decoded.l0 is not None else job.failed + 1
-        if not job.failed:
-            job.read.insert(0, received(past, reading, self._fs))
-            self._reader.learn_back(past, raw, reading)
+        self.doubted, self.track = False, track
+        self.past.start(replace(track, bend=0.0), first, until)
+        self.past.hold([self._deliver(track, reading)])
+        return [*before, *self.past.read(tape)]
 
     def complete(self, tape: StereoBuffer) -> bool:
         """Whether the next superframe has arrived, with all that is around it if it is doubted."""
@@ -265,7 +176,7 @@ class TrackFollower:
             if track.bend:
                 track.bent(expected)
             self._reader.settle_pair(tape, track, reading)
-            return self._hold([self._deliver(track, reading)])
+            return self.past.hold([self._deliver(track, reading)])
         for moved in self._reader.elsewhere(tape, track, raw):
             with self._purse.keeping(max(BESIDE, kept)):
                 if not self._purse.affords(ELSEWHERE):
@@ -278,12 +189,12 @@ class TrackFollower:
                 self._correct(tape, moved, raw, again, wide=not there)
                 if not track.misses and not there:
                     moved.bent(track.ratio)
-                return self._hold([self._deliver(moved, again)])
+                return self.past.hold([self._deliver(moved, again)])
         track.misses += 1
         failed = self._deliver(track, reading, told=track.misses <= patience)
         if track.misses > max(patience, REMEMBERED):
             self.track = None
-        return self._hold([failed] if track.misses <= patience else [])
+        return self.past.hold([failed] if track.misses <= patience else [])
 
     def _correct(
         self, tape: StereoBuffer, track: Track, raw: SuperframeView, reading: SuperframeReading,

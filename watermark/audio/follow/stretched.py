@@ -9,7 +9,6 @@ ICASSP 1993 (what such a stretch does); Viterbi, IEEE Trans. IT 13(2), 1967.
 Specification: spec/audio-carrier.md, W48.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,35 +17,24 @@ from numpy.typing import NDArray
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.purse import (
-    PIECES,
     PIECES_LOCK,
     PIECES_READ,
-    PIECES_VIEW,
     SAVED,
 )
-from watermark.audio.follow.retries import LONGEST_LIST_SIZE
-from watermark.audio.follow.stretched_path import MARGIN, REACH, PathReading, Paths
+from watermark.audio.follow.stretched_path import MARGIN, REACH
 from watermark.audio.follow.stretched_place import APART, FRAMES, StretchedPlace, even_start
+from watermark.audio.follow.stretched_reader import ATTEMPTS, JUMPS, PathReading, PiecesReader
 from watermark.audio.follow.track import Track, received
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.stretched_search import StretchedCandidate
-from watermark.audio.signal.layout import make_pilots
-from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import (
     FRAMES_PER_SUPERFRAME,
     HOP,
-    LEVELS,
     SUPERFRAME,
     AudioProfile,
 )
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
-
-JUMPS = (18.0, 9.0)
-"""Natural logarithms of the likelihood ratio that a jump must be worth, tried in turn."""
-
-ATTEMPTS = tuple((None, jump) for jump in JUMPS)
-"""Where a superframe begins, if that is known, and what a jump must be worth: tried in turn."""
 
 TEMPI = (25 / 24, 24 / 25)
 """Of films at 24 pictures a second that are played at 25, and the way back: this a single
@@ -60,9 +48,6 @@ MOST_BACK = 6
 
 LATEST = 2.0
 """Greatest delay of reading in superframes where the purse has to be filled first."""
-
-LEVELS_BESIDE = (0, -1, 1, -2, 2)
-"""Levels tried beside that of the superframe before."""
 
 Array = NDArray[np.float64]
 
@@ -83,8 +68,8 @@ class StretchedFollower:
     """
 
     def __init__(self, key: int, fs: int, nominal: float, reader: TrackReader) -> None:
-        self._key, self._fs, self._nominal, self._reader = key, fs, nominal, reader
-        self._pilots, self._masker = make_pilots(key), make_masker()
+        self._fs, self._nominal, self._reader = fs, nominal, reader
+        self._pieces = PiecesReader(key, nominal, reader.purse)
         self._place: StretchedPlace | None = None
         self._first: tuple[SuperframeReading, Array] | None = None
         self._demodulator: Demodulator | None = None
@@ -124,9 +109,10 @@ class StretchedFollower:
         self._demodulator = demodulator = self._reader.demodulator(candidate.profile)
         centre = candidate.places * self._nominal + start
         levels = [float(level) for level in demodulator.profile.levels_of(candidate.tier)]
-        paths = self._paths(tape, centre)
+        paths = self._pieces.paths(tape, centre, demodulator)
         looked_at = list[PathReading]()
-        read = self._brief(paths, levels, ATTEMPTS, looked_at) or self._again(looked_at, due=False)
+        read = self._pieces.brief(paths, levels, ATTEMPTS, looked_at)
+        read = read or self._pieces.again(demodulator, looked_at, due=False)
         if read is None:
             return False
         reading, places = read.reading, read.places
@@ -150,9 +136,10 @@ class StretchedFollower:
                 track.position, tempo, tempo, track.position, round(track.level), self._nominal,
                 track.position,
             )  # fmt: skip
-            paths = self._paths(tape, place.position + HOP * self._nominal / tempo * FRAMES)
+            centre = place.position + HOP * self._nominal / tempo * FRAMES
+            paths = self._pieces.paths(tape, centre, track.demodulator)
             first = [(place.piece, JUMPS[0])]
-            read = self._brief(paths, self._levels_near(place), first, [], tempo)
+            read = self._pieces.brief(paths, place.levels, first, [], tempo)
             if read is not None:
                 self._place = place
                 place.learn(read.reading.level, read.places, tempo)
@@ -245,65 +232,22 @@ class StretchedFollower:
         """
         others = [tempo for tempo in TEMPI if abs(tempo - place.tempo) > APART]
         tempi = [place.tempo] if place.settled else [place.tempo, *others]
-        levels, known = self._levels_near(place), [(place.piece, JUMPS[0])]
+        levels, known = place.levels, [(place.piece, JUMPS[0])]
         attempts = ATTEMPTS if place.piece is None else [*known, *ATTEMPTS]
         looked_at = list[PathReading]()
         for n, tempo in enumerate(tempi):
             if n and not self._reader.purse.affords(PIECES_READ):
                 break
             frames = FRAMES - FRAMES_PER_SUPERFRAME if back else FRAMES
-            paths = self._paths(tape, place.position + HOP * self._nominal / tempo * frames)
-            read = self._brief(paths, levels, attempts, looked_at, tempo)
+            centre = place.position + HOP * self._nominal / tempo * frames
+            paths = self._pieces.paths(tape, centre, self.demodulator)
+            read = self._pieces.brief(paths, levels, attempts, looked_at, tempo)
             if read is not None:
                 return read.reading, read.places, tempo
-        read = self._again(looked_at, due=not back)
+        read = self._pieces.again(self.demodulator, looked_at, due=not back)
         if read is not None:
             return read.reading, read.places, read.tempo
         return looked_at[0].reading, looked_at[0].places, place.tempo
-
-    @staticmethod
-    def _levels_near(place: StretchedPlace) -> list[float]:
-        near = [place.level + beside for beside in LEVELS_BESIDE]
-        return [level for level in near if 0 <= level < len(LEVELS)]
-
-    def _paths(self, tape: SampleBuffer, centre: Array) -> Paths:
-        self._reader.purse.charge(PIECES)
-        return Paths(tape, centre, self._nominal, self.demodulator, self._pilots, self._masker)
-
-    def _brief(
-        self, paths: Paths, levels: list[float], attempts: Sequence[tuple[float | None, float]],
-        looked_at: list[PathReading], tempo: float = 1.0,
-    ) -> PathReading | None:  # fmt: skip
-        """Read briefly along the likeliest paths: from some place on, jumps being worth so much.
-
-        Each is noted, as far as the purse pays; the one that was read is returned.
-        """
-        for n, (begin, jump) in enumerate(attempts):
-            if not n:
-                self._reader.purse.charge(PIECES_VIEW)
-            elif not self._reader.purse.pays(PIECES_VIEW):
-                return None
-            level, path = paths.find(levels, jump=jump, first=begin)
-            view, places = paths.view(path, level)
-            reading = self.demodulator.read(view, [level], brief=True)
-            if reading.decoded.l0 is not None and reading.decoded.l1 is None:
-                known, level = self.demodulator.expected(reading.decoded), reading.level
-                again = paths.find_known(level, known, jump=jump, first=begin)
-                better, _ = paths.view(again, level, known)
-                reading = self.demodulator.read_second(reading, better)
-            looked_at.append(PathReading(view, level, paths.on_tape(places), tempo, reading))
-            if reading.decoded.l0 is not None:
-                return looked_at[-1]
-        return None
-
-    def _again(self, looked_at: list[PathReading], *, due: bool) -> PathReading | None:
-        """Read by all means what was read briefly in vain."""
-        for one in looked_at:
-            if self._reader.purse.affords(self.demodulator.cost(LONGEST_LIST_SIZE)):
-                reading = self.demodulator.read(one.view, [one.level], due=due)
-                if reading.decoded.l0 is not None:
-                    return replace(one, reading=reading)
-        return None
 
     def _received(self, reading: SuperframeReading, position: float) -> ReceivedSuperframe:
         equaliser = Equaliser(self.demodulator.bands)

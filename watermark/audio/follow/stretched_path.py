@@ -6,14 +6,13 @@ pilots say of a place is the log-likelihood ratio of `watermark.audio.follow.int
 costs. Specification: spec/audio-carrier.md, W48.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.follow.align import TURNED_BINS, SuperframeView, choose, thresholds_of
-from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
+from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.interference import POINTS
 from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.signal.layout import Pilots
@@ -57,31 +56,6 @@ Floats = NDArray[np.float32]
 Spectra = NDArray[np.complex64]
 
 
-@dataclass(frozen=True, slots=True)
-class PathReading:
-    """A superframe's frames along one path.
-
-    Attributes
-    ----------
-    view : SuperframeView
-        There.
-    level : float
-        That was assumed.
-    places : ndarray of float64, shape (64,)
-        Where they begin, samples of the tape.
-    tempo : float
-        At which they were looked for.
-    reading : SuperframeReading
-        The result.
-    """
-
-    view: SuperframeView
-    level: float
-    places: Array
-    tempo: float
-    reading: SuperframeReading
-
-
 class Paths:
     """The sound around a superframe, and what its cells and pilots say at each place.
 
@@ -99,13 +73,18 @@ class Paths:
         Of the key.
     masker : Masker
         The mask.
+
+    Attributes
+    ----------
+    demodulator : Demodulator
+        See there.
     """
 
     def __init__(
         self, tape: SampleBuffer, centre: Array, nominal: float, demodulator: Demodulator,
         pilots: Pilots, masker: Masker,
     ) -> None:  # fmt: skip
-        self._demodulator, self._masker, self._nominal = demodulator, masker, nominal
+        self.demodulator, self._masker, self._nominal = demodulator, masker, nominal
         self._begin = np.floor(centre[0]) - (REACH + MARGIN) * nominal
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
         count = int(around.max()) + REACH + HOP + MARGIN
@@ -175,7 +154,7 @@ class Paths:
 
         `expected` are the soft values that they ask for, shape (64, groups), 0 where unknown.
         """
-        profile = self._demodulator.profile
+        profile = self.demodulator.profile
         soft = self._cells.look_up(profile.step(level), _cosines(profile.groups), BETWEEN)[0]
         own: Floats = np.zeros(len(soft), dtype=np.float32)
         known = soft, expected.astype(np.float32)
@@ -195,7 +174,7 @@ class Paths:
             begins = np.abs(np.arange(start.size) - at) <= BESIDE
             start[~begins] = -jump
         path = np.empty(FRAMES_PER_SUPERFRAME, dtype=np.int64)
-        kinds = (self._pilots.signs[self._demodulator.profile.number] < 0).astype(np.int64)
+        kinds = (self._pilots.signs[self.demodulator.profile.number] < 0).astype(np.int64)
         score = _path_kernels.follow_frames(
             own, pilots, self._pilots.slots, kinds, *known, offsets, HOP // GRID, jump, start, path
         )
@@ -208,20 +187,20 @@ class Paths:
         from watermark.audio.follow import _kernels
 
         at = places.astype(np.int64)
-        profile, frames = self._demodulator.profile, places.size
+        profile, frames = self.demodulator.profile, places.size
         own, earlier = (thresholds_of(*self._both(x), self._masker) for x in (at, at - HOP))
         bands = self._masker.units(own, earlier)
         looked_at = (self._chosen(at + far, bands) for far in (-FINE_REACH, 0, FINE_REACH))
         spectra, amplitudes = zip(*looked_at, strict=True)
         units = amplitudes[1]
-        cells, step = self._demodulator.layout.cells, profile.step(level)
+        cells, step = self.demodulator.layout.cells, profile.step(level)
         found = PlaceProjections.of(
             np.concatenate(spectra), units, np.tile(np.arange(frames), 3),
             float(FINE_REACH), cells, step=frames,
         )  # fmt: skip
         shape = 2, frames, FINE.size
         if expected is None:
-            sums = found.sums([step], self._demodulator.coverage.unknown, FINE)
+            sums = found.sums([step], self.demodulator.coverage.unknown, FINE)
             fit = sums.reshape(shape).astype(np.float64)
         else:
             soft = found.look_up(step, _cosines(profile.groups), FINE).reshape(*shape, -1)
@@ -242,7 +221,7 @@ class Paths:
     def _chosen(self, at: NDArray[np.int64], units: Array) -> tuple[Spectra, NDArray[np.float32]]:
         """Spectra of frames and amplitudes of the mark's unit, see `align.choose`."""
         mid, side = self._both(at)
-        bins = self._demodulator.places.bins
+        bins = self.demodulator.places.bins
         return choose(mid, side, units, self._masker, bins if self._paired else np.zeros_like(bins))
 
     def _both(self, at: NDArray[np.int64]) -> tuple[Spectra, Spectra]:
@@ -259,15 +238,15 @@ class Paths:
         """Note the evidence of cells with unknown bits at each place, at levels that are new."""
         new = [level for level in levels if level not in self._levels]
         if new:
-            steps = [self._demodulator.profile.step(level) for level in new]
-            sums = self._cells.sums(steps, self._demodulator.coverage.unknown, BETWEEN)
+            steps = [self.demodulator.profile.step(level) for level in new]
+            sums = self._cells.sums(steps, self.demodulator.coverage.unknown, BETWEEN)
             self._levels.update(zip(new, sums, strict=True))
 
     def _pilots_at(self, level: float) -> Floats:
         """Evidence of pilots of either bit at each place, shape (2, n, PILOT_SLOTS)."""
-        step = self._demodulator.profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
+        step = self.demodulator.profile.pilot_step(int(np.clip(np.floor(level), 0, None)))
         if step not in self._tiers:
-            known = self._demodulator.coverage.known
+            known = self.demodulator.coverage.known
             self._tiers[step] = self._slots.look_up(step, known, BETWEEN, shifts=BITS)
         return self._tiers[step]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, LEVELS, SUPERFRAME
 
 MOST_TEMPO, APART = 0.06, 0.01
 """Largest change of duration that is followed, and how far tempi lie apart that are both tried."""
@@ -27,6 +27,9 @@ the place of the next one is not, either."""
 EVEN, MAX_EVEN = 1.0, 4
 """Samples that are no jump, and superframes in a row without one after which the sound is left to
 the usual search."""
+
+LEVELS_BESIDE = (0, -1, 1, -2, 2)
+"""Levels tried beside that of the superframe before."""
 
 FRAMES = np.arange(FRAMES_PER_SUPERFRAME, dtype=np.float64)
 """Numbers of a superframe's frames."""
@@ -71,6 +74,12 @@ class StretchedPlace:
     read: int = 0
     misses: int = 0
     even: int = 0
+
+    @property
+    def levels(self) -> list[float]:
+        """Likely levels of the next superframe."""
+        near = [self.level + beside for beside in LEVELS_BESIDE]
+        return [level for level in near if 0 <= level < len(LEVELS)]
 
     @property
     def settled(self) -> bool:
