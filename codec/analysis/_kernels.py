@@ -27,6 +27,7 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
     for i in range(4):
         for j in range(i):
             n[i, j] = n[j, i]
+    # Jacobi's method: each rotation in a plane (i, j) makes n[i, j] zero, and v collects them.
     v = np.eye(4)
     for _ in range(_SWEEPS):
         off = 0.0
@@ -41,6 +42,7 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
             for j in range(i + 1, 4):
                 if n[i, j] == 0.0:
                     continue
+                # The smaller root t = tan(angle) of t**2 + 2 theta t - 1 = 0.
                 theta = (n[j, j] - n[i, i]) / (2.0 * n[i, j])
                 t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
                 if theta < 0.0:
@@ -106,6 +108,7 @@ def shapes_apart_into(
         for s in range(len(still_back)):
             for k in range(n_back):
                 kept[k] = True
+            # Fit the back of the hand, drop markers farther off than twice the median, fit again.
             for fitted in range(rounds):
                 for i in range(3):
                     here[i], there[i] = 0.0, 0.0

@@ -53,6 +53,8 @@ def range_encode(
     """
     low, width, length = 0, MASK, 0
     for i in range(count):
+        # Subdivide [low, low + width): start and frequency in units of width / 2**PRECISION.
+        # The last symbol also takes the rest of the division.
         unit = width >> PRECISION
         low += unit * starts[i]
         if starts[i] + freqs[i] == 1 << PRECISION:
@@ -62,11 +64,13 @@ def range_encode(
         if low >= TOP:
             _carry(out, length)
             low &= MASK
+        # Renormalise: bytes leave once the width has fallen below 2**24.
         while width < BOTTOM:
             out[length] = low >> 24
             length += 1
             low = (low << 8) & MASK
             width <<= 8
+    # End: the fewest bytes whose point (and all its continuations) lies in the interval.
     for size in range(5):
         cell = 1 << (32 - 8 * size)
         point = (low + cell - 1) & -cell
@@ -179,6 +183,7 @@ def encode_coefficients(
         kind, shift = coefficient_class(scales[i], step)
         if kind >= 0:
             cdf = cdfs[kind, _context(q, before, i, shift)]
+            # magnitude = high * 2**shift + raw bits; high by the context's table up to ESCAPE.
             magnitude = abs(q[i])
             high = magnitude >> shift
             symbol = min(high, ESCAPE)
@@ -186,6 +191,7 @@ def encode_coefficients(
             freqs[n] = cdf[symbol + 1] - cdf[symbol]
             n += 1
             if symbol == ESCAPE:
+                # Exp-Golomb: as many ones as bits follow, a zero, then the bits below the first 1.
                 rest = high - ESCAPE + 1
                 bits = 0
                 while rest >> (bits + 1) > 0:
@@ -222,6 +228,7 @@ def _decode_magnitude(
     if magnitude < 0:
         return -1
     if magnitude == ESCAPE:
+        # Exp-Golomb: ones count the bits that follow the zero; a leading 1 is implied.
         bits = 0
         while bits < MAX_PREFIX:
             bit = decode_symbol(data, state, flip, 1, True)
@@ -391,6 +398,7 @@ def quantise_rd(
         cost = costs[kind, _context(q, before, i, shift)]
         told, error = _cost(0, cost, shift), x
         best, least = 0, x * x + weight * told
+        # Besides 0, only the nearest index and the one below can be the best of d**2 + weight * R.
         for magnitude in range(max(1, top - 1), top + 1):
             inset = points[kind, min(magnitude, 3) - 1] / 256.0 if shift == 0 else 0.0
             off, cells = x - magnitude + inset, _cost(magnitude, cost, shift)
@@ -435,6 +443,8 @@ def descend(
         if kind < 0:
             continue
         c, f, own = channel[i], frequency[i], q[i]
+        # The error is quadratic in this one coefficient x: E(x) = E0 + curve * (x - lowest)**2,
+        # with its minimum one Newton step away: lowest = x + slope / curve.
         at = _value(own, kind, shift, width, points)
         total = 0.0
         for t in range(waves.shape[0]):
@@ -448,6 +458,7 @@ def descend(
             if trial >= 0 and magnitude < 1:
                 continue
             q[i] = sign * magnitude
+            # Own bits, and those of later coefficients whose context this one changes.
             bits = _cost(magnitude, costs[kind, context], shift)
             for j in range(after.shape[1]):
                 other = after[i, j]
@@ -464,6 +475,7 @@ def descend(
         q[i] = best
         if best != own:
             changed += 1
+            # The slopes follow: slope(t, k) falls by moved * wave(t) * metric(t, c, k).
             moved = _value(best, kind, shift, width, points) - at
             for t in range(waves.shape[0]):
                 for k in range(metric.shape[1]):

@@ -25,7 +25,7 @@ _TIE = 2.0**-17
 """Half of the smallest step of an edge function of corners on a grid of 1/256 pixel."""
 
 _NEAR_EDGE = 1e-10
-"""Pixels by which a rounded crossing may be beside its edge: less than `_TIE` can make of it."""
+"""Most pixels between a rounded crossing and its edge: less than `_TIE` can make of it."""
 
 _ZERO = np.float32(0)
 

@@ -62,6 +62,8 @@ def count_cameras(
                     cosine += d[i] * normals[t, m, i]
                 if cosine < least_cosine:
                     continue
+                # Ellipsoid, mapped to the unit sphere: |b + s a|**2 = 1 has a root s > 0 on the
+                # line of sight if a.b < 0 and (a.b)**2 > |a|**2 (|b|**2 - 1).
                 blocked = False
                 for e in range(bulk_centre.shape[1]):
                     dd = 0.0
@@ -81,6 +83,8 @@ def count_cameras(
                         break
                 if blocked:
                     continue
+                # Capsule: least distance between the axis p + s u, 0 <= s <= 1, and the line of
+                # sight x + along d, along >= 0; `gap` is its square.
                 for k in range(rod_start.shape[1]):
                     uu = 0.0
                     ud = 0.0

@@ -157,6 +157,7 @@ def _ranked(values: NDArray[np.float64], rank: int) -> float:
     Hoare's selection: numpy's partition and sorts take seconds to compile.
     """
     low, high = 0, values.size - 1
+    # Invariant: the wanted value lies within values[low : high + 1].
     while low < high:
         pivot = values[(low + high) // 2]
         i, j = low, high
@@ -186,6 +187,7 @@ def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
         low, high = min(low, value), max(high, value)
     if low == high:
         return low, kept
+    # A histogram names the bucket that holds the limit; only its values are ranked.
     counts = np.zeros(BUCKETS + 1, dtype=np.int64)
     scale = BUCKETS / (high - low)
     for value in candidate:
@@ -224,6 +226,7 @@ def _least(candidate: NDArray[np.float64], kept: int) -> NDArray[np.int64]:
                 count += 1
             room -= equal
         return order
+    # Insertion: order[:count] holds the least values so far, in ascending order.
     for i in range(candidate.size):
         if count == kept and candidate[i] >= candidate[order[count - 1]]:
             continue
@@ -345,6 +348,10 @@ def polar_beliefs(
     down, up = np.zeros((n + 1, size)), np.zeros((n + 1, size))
     down[n] = told
     up[0] = _SURE * (frozen != 0)
+    # One butterfly of the encoder: a ---(+)--- a + b      Belief of a sum is the product,
+    #                                      |              belief of one bit from two
+    #                               b -----+--- b         sources is _join.
+    # `down` runs from the channel (layer n) to the inputs (layer 0), `up` the way back.
     for _ in range(rounds):
         for layer in range(n - 1, -1, -1):
             half = 1 << layer

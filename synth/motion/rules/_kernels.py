@@ -40,6 +40,9 @@ def strokes_into(
     """
     g = 0
     for i in range(start.size):
+        #  from rest:  end[i-1] .. rest_delay .. leave ====> reach (rest) ====> target[i]
+        #  from a key: the lead is a share of the time since the last key, another share of the
+        #              part beyond a hurried pace, within limits; the upper one grows with the way.
         lead = first_lead
         if rested[i] and i > 0:
             lead = min(first_lead, 0.5 * (start[i] - end[i - 1]))
@@ -51,6 +54,7 @@ def strokes_into(
             quick = min(apart, hurried)
             lead = lead_share * quick + calm_share * (apart - quick)
             lead = max(min(lead, most_lead + lead_per_mm * way[i]), least_lead)
+        # The way sets the shortest stroke; strokes overlap by at most `overlap` of the last one.
         least = peak_per_mm * way[i]
         free = reach[g] - overlap * (reach[g] - leave[g])
         g += 1
@@ -60,6 +64,7 @@ def strokes_into(
         g += 1
         leave[g] = end[-1] + rest_delay
         reach[g] = leave[g] + max(rest_move, shortest)
+    # Last pass: strokes stay in order, whatever the limits above moved.
     for i in range(1, g + 1):
         leave[i] = max(leave[i], reach[i - 1] - overlap * (reach[i - 1] - leave[i - 1]))
         reach[i] = max(reach[i], leave[i] + 1e-3, reach[i - 1] + 1e-3)

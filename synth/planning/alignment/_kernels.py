@@ -32,12 +32,17 @@ def segment_into(
     absent unit starts with its successor. The result is False if nothing fits.
     """
     units, frames = kinds.shape[0], cumulated.shape[1] - 1
+    # best[u, t]: least cost of the first u units ending at frame t; came[u, t]: start of unit u.
+    #   best[u + 1, t] = min over begin of best[u, begin] + length[t - begin] + slope * outside
+    #                                     + C[kind, t] - C[kind, begin],  C: running sums
     best = np.full((units + 1, frames + 1), np.inf)
     came = np.zeros((units + 1, frames + 1), np.int32)
     best[0, 0] = 0.0
     for u in range(units):
         kind = kinds[u]
         if entry[u] >= 0.0:
+            # Without a price for length the minimum over all begins is a running one:
+            #   min over begin of (best[u, begin] + entry - C[begin]), plus C[t]; or absent.
             running, since = np.inf, 0
             for t in range(frames + 1):
                 cost = cumulated[kind, t]
@@ -72,6 +77,7 @@ def segment_into(
                     if cost < best[u + 1, t]:
                         best[u + 1, t] = cost
                         came[u + 1, t] = -1
+    # Follow `came` back from the end; -1 marks units that were left out together.
     t = frames
     starts[units] = frames
     u = units

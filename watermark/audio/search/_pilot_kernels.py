@@ -12,7 +12,7 @@ Floats = NDArray[np.float32]
 Numbers = NDArray[np.int64]
 
 ADVANCE = 4
-"""Samples by which a frame lies after the one before."""
+"""Samples from a frame's begin to the next one's."""
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -25,8 +25,7 @@ LOWEST = np.int16(-(2**14))
 """Lower than any score, and less than 2**15 from each."""
 
 PAIRED = 2
-"""Sums of which the correlations of two profiles are made: their common part, and their
-difference."""
+"""Sums behind the correlations of two profiles: their common part, and their difference."""
 
 FITTING = 16
 """Soft values whose sum fits 8 bits."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from codec.compiled import njit
 
 BLOCK = 16
-"""Places of which only the best is looked at where a jump may come from."""
+"""Places in a block; a jump comes from the best of them only."""
 
 NEVER = np.int16(-16000)
 """Score of what cannot be; a superframe's pilots add less to it than would make it likely."""
