@@ -151,7 +151,7 @@ def test_whole_programmes_pass(programmes: dict[str, bytes], tmp_path: Path, nam
     assert told == "received; dubbed"
 
 
-@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("name", ["a.mp4", "a.ts", "a.wav"])
 def test_damage(programmes: dict[str, bytes], tmp_path: Path, name: str) -> None:
     rng = np.random.default_rng(list(FORMS).index(name))
     attempt(tmp_path, name, damaged(programmes[name], rng), carriers_of(name))

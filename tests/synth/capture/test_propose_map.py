@@ -62,7 +62,11 @@ def judged(proposal: Proposal, names: list[str]) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize(
     ("identity", "unit_mm", "left"),
-    [("agathe", 1000.0, False), ("solange", 1.0, False), ("agathe", 10.0, True)],
+    [
+        pytest.param("agathe", 1000.0, False, marks=pytest.mark.slow),
+        ("solange", 1.0, False),
+        ("agathe", 10.0, True),
+    ],
 )
 def test_unnamed_points_of_other_bodies(identity: str, unit_mm: float, left: bool) -> None:
     """Neither body is the voice's; the left-handed one is the mirror image, names and all."""
@@ -76,6 +80,7 @@ def test_unnamed_points_of_other_bodies(identity: str, unit_mm: float, left: boo
     assert len(proposal.sure) == sure.sum()
 
 
+@pytest.mark.slow  # each day: what is called sure is right, in the test above
 def test_how_sure_is_told() -> None:
     """Markers glued far from their places: fewer are sure, and those hold what was promised."""
     rng = np.random.default_rng(8)
@@ -126,7 +131,7 @@ def another_hand() -> np.ndarray:
     ("points", "message"),
     [
         (a_cloud, "no face is found among the points"),
-        (another_hand, "the points fit no hand of a cuer"),
+        pytest.param(another_hand, "the points fit no hand of a cuer", marks=pytest.mark.slow),
         (lambda: seen("agathe")[:, :N_FACE], "the points fit no hand of a cuer"),
         (lambda: seen("agathe")[:, :30], "30 points are seen for long enough, 40 needed"),
     ],
