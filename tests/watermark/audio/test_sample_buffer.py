@@ -8,7 +8,7 @@ from codec.errors import CueError
 from tests.watermark.audio.test_carrier import embed, host
 from watermark.audio.follow import _kernels as _follow_kernels
 from watermark.audio.follow.smoothing import smooth
-from watermark.audio.search import _pilot_kernels, _search_kernels
+from watermark.audio.search import _pilot_kernels, _search_kernels, _soft_kernels
 from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch
 from watermark.audio.search.pilot_scan import (
     DECIMATION,
@@ -162,13 +162,13 @@ def test_soft_values_of_the_search_are_the_receiver_s() -> None:
     seen = (rng.normal(size=(6, 3)) + 1j * rng.normal(size=(6, 3))).astype(np.complex64)
     alive = np.ones((6, 3), dtype=np.float32)
     alive[2, 1] = 0.0
-    turn = np.exp(1j * rng.uniform(0, 6, (_search_kernels.WORD, 6))).astype(np.complex64)
+    turn = np.exp(1j * rng.uniform(0, 6, (_soft_kernels.WORD, 6))).astype(np.complex64)
     steps = np.array([3.0, 7.0], dtype=np.float32)
-    for kernel in versions(_search_kernels.pilot_soft):
+    for kernel in versions(_soft_kernels.pilot_soft):
         soft = np.full((2, 6, 27), 7, dtype=np.int8)
         kernel(seen, alive, turn, cells.dither.astype(np.float32), steps, 2, soft)
         assert (soft[:, :, [0, 1, 26]] == 7).all()
-        for t in range(_search_kernels.WORD):
+        for t in range(_soft_kernels.WORD):
             projections = (seen * turn[t][:, np.newaxis]).real.T.astype(np.float64)
             for s, step in enumerate(steps):
                 expected = soft_values(projections, alive.T > 0, cells, float(step))

@@ -17,9 +17,10 @@ from watermark.audio.follow.equaliser import band_of
 from watermark.audio.follow.interference import InterferenceEstimator, InterferenceMask
 from watermark.audio.follow.purse import CLUES_COST, DecodingPurse, decoding_cost
 from watermark.audio.follow.reliability import LIMITS, Reliability
-from watermark.audio.follow.retries import LEAST_STANDING, LONGEST_LIST_SIZE, Retries
+from watermark.audio.follow.retries import LONGEST_LIST_SIZE, Retries
 from watermark.audio.follow.smoothing import smooth
-from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
+from watermark.audio.follow.standing import CellStanding
+from watermark.audio.signal.channel_choice import make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.profile import LEVELS, TIER_LEVELS, AudioProfile
@@ -37,11 +38,6 @@ level: the last one and its neighbours are tried, too."""
 
 NEARBY = (1.5, 2.5)
 """Deviation in frames and cells of the window of decoded bits that bear on a cell."""
-
-SINGLE, SURELY = 2.5, 2.0
-"""Standard deviations that cells of one place must lie nearer to points of either bit than
-those of another, for the sound to be taken for a single channel; and how many the others must have
-to be given weight."""
 
 SHRINK = 20.0
 """Cells that the mean of all frames counts for beside them; 10 to 40 do as well."""
@@ -82,18 +78,6 @@ class SuperframeReading:
     decoded: Decoded
 
 
-def _kinds(places: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Which cells are alike, shape (4, groups): low ones, and above those of mid, left, right."""
-    above = np.arange(places.size) >= np.flatnonzero(places)[0]
-    kinds = [~above, *((places == place) & above for place in (MID, LEFT, RIGHT))]
-    return np.array(kinds, dtype=np.float64)
-
-
-def _agreement(soft: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Second harmonic of soft values, in which both bits agree."""
-    return np.where(soft != 0, 2 * soft**2 - 1, 0.0)
-
-
 class Demodulator:
     """Reads the superframes of a profile and learns how far each cell can be trusted.
 
@@ -111,9 +95,9 @@ class Demodulator:
         self.profile, self.purse = profile, purse or DecodingPurse(math.inf)
         self.layout = make_layout(profile, key)
         self.places = make_places(profile, key)
-        self._kinds = _kinds(self.places.cells)
+        self.standing = CellStanding(profile, self.layout.cells, self.places)
         self.link = Link(profile)
-        self.reliability = Reliability(profile.groups, self._kinds)
+        self.reliability = Reliability(profile.groups, self.standing.kinds)
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)
@@ -194,7 +178,7 @@ class Demodulator:
             elif not self.purse.pays(self.cost(LIST_SIZE)):
                 return
             weighted = self.weighted(view, level, learnt)
-            yield level, self._standing(view, level) * weighted
+            yield level, self.standing.of_unknown(view, level) * weighted
 
     def cost(self, list_size: int) -> float:
         """Return the units that a decoding costs."""
@@ -212,27 +196,6 @@ class Demodulator:
         pilot_step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
         return self.coverage.look(view, level, pilot_step)
 
-    def _standing(self, view: SuperframeView, level: float) -> NDArray[np.float64]:
-        """Factors of weights, shape (groups,): a single channel has its own cells only.
-
-        They are 1 unless cells of one place lie nearer to a point of either bit than others.
-        """
-        if view.paired:
-            return np.ones(self.profile.groups)
-        soft = view.soft(self.layout.cells, self.profile.step(level))
-        return self._factors(_agreement(soft), soft != 0)
-
-    def lone_levels(
-        self, view: SuperframeView, levels: list[float]
-    ) -> list[tuple[NDArray[np.float64], float]]:
-        """Cells of left and of right, shape (groups,), and the level at which they seem written."""
-        if view.paired:
-            return []
-        cells = self.layout.cells
-        soft = [view.soft(cells, self.profile.step(level)) for level in levels]
-        near = [_agreement(at_level).sum(axis=0) for at_level in soft]
-        return [(kind, levels[int((near @ kind).argmax())]) for kind in self._kinds[2:]]
-
     def trust(self, reading: SuperframeReading) -> NDArray[np.float64]:
         """Weights of cells whose bits are known, shape (64, groups)."""
         weights = self.reliability.weights(reading.clues)
@@ -240,19 +203,7 @@ class Demodulator:
             return weights
         expected = self.expected(reading.decoded)
         known = (expected != 0) & (reading.soft != 0)
-        return weights * self._factors(np.where(known, reading.soft * expected, 0.0), known)
-
-    def _factors(self, near: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Factors of weights by how near the cells of each place lie to the right points."""
-        cells = np.maximum(self._kinds @ seen.sum(axis=0), 1)
-        mean, deviation = self._kinds @ near.sum(axis=0) / cells, np.sqrt(0.5 / cells)
-        best = int(mean[1:].argmax()) + 1
-        apart = SINGLE * np.hypot(deviation, deviation[best])
-        if not (mean[1:] < mean[best] - apart[1:]).any():
-            return np.ones(self.profile.groups)
-        sure = mean - SURELY * deviation
-        factors = np.clip(sure / max(sure[best], deviation[best]), LEAST_STANDING, 1.0)
-        return np.asarray(factors @ self._kinds)
+        return weights * self.standing.factors(np.where(known, reading.soft * expected, 0.0), known)
 
     def _read_at(
         self,

@@ -16,6 +16,7 @@ from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.interference import InterferenceMask
 from watermark.audio.follow.purse import BELIEFS, LOOK, RATIOS
 from watermark.audio.follow.reliability import NOISY
+from watermark.audio.follow.standing import LEAST_STANDING
 
 if TYPE_CHECKING:
     from watermark.audio.follow.demodulate import Demodulator
@@ -31,9 +32,8 @@ LONG_LEVELS, DUE_LEVELS = 2, 4
 """Levels at which a longer list is tried at a candidate, and where a superframe is due: half of
 them the likeliest, half the most promising."""
 
-EVEN, LEAST_STANDING = 1.0, 0.02
-"""Weight of all cells where none is trusted more than another, and least weight of those of other
-channels where a single one is heard."""
+EVEN = 1.0
+"""Weight of all cells where none is trusted more than another."""
 
 PRIOR_TRIES, MEMORY = 20.0, 0.98
 """Attempts for which the prior rate of a kind counts, and weight of the past when one is noted."""
@@ -118,7 +118,7 @@ class Retries:
             yield from weighted(others, learnt, size)
 
         def lone() -> Iterator[Attempt]:
-            for kind, level in one.lone_levels(view, levels):
+            for kind, level in one.standing.lone_levels(view, levels):
                 yield from weighted([level], np.maximum(kind, LEAST_STANDING), size)
 
         learnt, few = one.reliability.cautious(clues), levels[: LONG_LEVELS if due else 1]

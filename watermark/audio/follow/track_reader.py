@@ -200,7 +200,7 @@ class TrackReader:
         demodulator, cells = track.demodulator, track.demodulator.layout.cells
         view = as_used(track, raw)
         found = []
-        for kind, _ in demodulator.lone_levels(view, levels[:1]):
+        for kind, _ in demodulator.standing.lone_levels(view, levels[:1]):
             expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
             least = LONE_SCORE * math.sqrt(expected.sum() / 2)
             for level in levels[:TIER_LEVELS]:

@@ -10,16 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.compiled import njit
-from watermark.audio.search.pilot_scan import PARTS, SEGMENT_FRAMES
-
-COSINE = (
-    np.float32(0.9985258),
-    np.float32(-19.54981647),
-    np.float32(61.07633166),
-    np.float32(-59.49797175),
-)
-"""Polynomial in the square of a phase, -1/2 to 1/2, that is its cosine within 1.5e-3, a fifth
-of one of `PARTS`: interpolation at Chebyshev's points."""
+from watermark.audio.search._soft_kernels import Soft, soft_row
+from watermark.audio.search.pilot_scan import SEGMENT_FRAMES
 
 LOWEST = np.int16(-(2**14))
 """Lower than any score, and less than 2**15 from each."""
@@ -30,79 +22,7 @@ PAIRED = 2
 FITTING = 16
 """Soft values whose sum fits 8 bits."""
 
-WORD = 8
-"""Turns of a row's phases: their soft values are written as one word, the first one lowest."""
-
 Parts = NDArray[np.int16]
-Soft = NDArray[np.int8]
-
-
-@njit(cache=True)
-def pilot_soft(
-    projections: NDArray[np.complex64],
-    alive: NDArray[np.float32],
-    turn: NDArray[np.complex64],
-    dither: NDArray[np.float32],
-    steps: NDArray[np.float32],
-    first: int,
-    soft: Soft,
-) -> None:
-    """soft[s, g, first + i * turns + t] = soft value of cell g in row i, turned by turn[t, g].
-
-    The step is steps[s]; there are `WORD` turns. See `watermark.audio.signal.dither`.
-    """
-    turns, count = turn.shape[0], alive.shape[1]
-    one = np.float32(1)
-    real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
-    value = np.empty((WORD, count), dtype=np.int8)
-    for g in range(dither.size):
-        for i in range(count):
-            real[i], imaginary[i] = projections[g, i].real, projections[g, i].imag
-        for s in range(steps.size):
-            pace = one / steps[s]
-            for t in range(turns):
-                a, z = turn[t, g].real * pace, turn[t, g].imag * pace
-                soft_row(real, imaginary, alive[g], a, z, dither[g], value[t])
-            interleave(value, soft[s, g, first : first + count * turns].view(np.uint64))
-
-
-@njit(cache=True)
-def interleave(value: Soft, words: NDArray[np.uint64]) -> None:
-    """words[i] = bytes value[0, i] to value[7, i], the first of them lowest."""
-    a, b, c, d = value[0], value[1], value[2], value[3]
-    e, f, g, h = value[4], value[5], value[6], value[7]
-    for i in range(words.size):
-        words[i] = (
-            np.uint64(np.uint8(a[i]))
-            | np.uint64(np.uint8(b[i])) << np.uint64(8)
-            | np.uint64(np.uint8(c[i])) << np.uint64(16)
-            | np.uint64(np.uint8(d[i])) << np.uint64(24)
-            | np.uint64(np.uint8(e[i])) << np.uint64(32)
-            | np.uint64(np.uint8(f[i])) << np.uint64(40)
-            | np.uint64(np.uint8(g[i])) << np.uint64(48)
-            | np.uint64(np.uint8(h[i])) << np.uint64(56)
-        )
-
-
-@njit(cache=True)
-def soft_row(
-    real: NDArray[np.float32],
-    imaginary: NDArray[np.float32],
-    alive: NDArray[np.float32],
-    a: np.float32,
-    z: np.float32,
-    dither: np.float32,
-    out: Soft,
-) -> None:
-    """out[i] = alive[i] cos 2 pi (a real[i] - z imaginary[i] - dither)."""
-    c0, c1, c2, c3 = COSINE
-    half, parts = np.float32(0.5), np.float32(PARTS)
-    for i in range(out.size):
-        phase = real[i] * a - imaginary[i] * z - dither
-        phase -= np.floor(phase + half)
-        u = phase * phase
-        cosine = c0 + u * (c1 + u * (c2 + u * c3))
-        out[i] = np.int8(np.floor(parts * alive[i] * cosine + half))
 
 
 @njit(cache=True)

@@ -259,13 +259,13 @@ class PilotSearch:
 
     def process(self, sound: NDArray[np.float64]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
-        from watermark.audio.search import _search_kernels
+        from watermark.audio.search import _soft_kernels
 
         self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
         projections, alive, self._before = self._sight.look(self._sound, self._before)
         self._sound = self._sound[QUANTUM:]
         row, past = self._soft.extend(), self._peaks.extend()
-        _search_kernels.pilot_soft(
+        _soft_kernels.pilot_soft(
             projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
         )
         found = self._correlator.find(self._soft.values, row, self._peaks.values, past)

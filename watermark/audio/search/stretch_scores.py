@@ -74,14 +74,14 @@ def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8
     ndarray of int8, shape (tiers, PILOT_SLOTS, places)
         Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
     """
-    from watermark.audio.search import _search_kernels
+    from watermark.audio.search import _soft_kernels
 
     projections, alive = seen
     rows = alive.shape[1] * TURNS.size
     soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)
     dither = make_pilots(key).cells.dither.astype(np.float32)
     steps = (2.0**gain * np.array(PILOT_STEPS)).astype(np.float32)
-    _search_kernels.pilot_soft(projections, alive, turns_of(None), dither, steps, 0, soft)
+    _soft_kernels.pilot_soft(projections, alive, turns_of(None), dither, steps, 0, soft)
     return soft
 
 

@@ -83,9 +83,10 @@ class SampleBuffer:
     def append(self, block: NDArray[np.float64]) -> None:
         """Add samples at the end."""
         if self.end - self._offset + block.size > self._store.size:
-            kept = self.samples
-            # Twice what is needed: a long tape is not copied for each short block.
-            store = np.empty(max(2 * (kept.size + block.size), self._store.size))
+            kept, size = self.samples, 2 * (self.end - self.first + block.size)
+            # Twice what is needed: a long tape is not copied for each short block. New memory costs
+            # more than copying.
+            store = self._store if size <= self._store.size else np.empty(size)
             store[: kept.size] = kept
             self._store, self._offset = store, self.first
         begin = self.end - self._offset
