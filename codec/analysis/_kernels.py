@@ -28,7 +28,10 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
         for j in range(i):
             n[i, j] = n[j, i]
     # Jacobi's method: each rotation in a plane (i, j) makes n[i, j] zero, and v collects them.
-    v = np.eye(4)
+    v = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            v[i, j] = 1.0 if i == j else 0.0
     for _ in range(_SWEEPS):
         off = 0.0
         whole = 0.0

@@ -142,13 +142,14 @@ def seen_into(
     if n < 2:
         return
     n_knuckles = knuckle.shape[1]
-    moved, turned, shaped = np.zeros(n), np.zeros(n), np.zeros(n)
-    at, x, before = np.zeros(3), np.zeros(3), np.zeros((n_knuckles, 3))
-    now = np.zeros((n_knuckles, 3))
-    share, apart, away = np.zeros(len(gram)), np.zeros(len(gram)), np.zeros(goal.shape[1])
-    last_margin, since, sure = np.zeros(n), np.zeros(n), np.zeros(n)
+    moved, turned, shaped = np.empty(n), np.empty(n), np.empty(n)
+    at, x, before = np.empty(3), np.empty(3), np.empty((n_knuckles, 3))
+    now = np.empty((n_knuckles, 3))
+    share, apart, away = np.empty(len(gram)), np.empty(len(gram)), np.empty(goal.shape[1])
+    last_margin, since, sure = np.empty(n), np.empty(n), np.empty(n)
     for g in range(n):
-        last_margin[g] = -1.0
+        moved[g], turned[g], shaped[g] = 0.0, 0.0, 0.0
+        last_margin[g], since[g], sure[g] = -1.0, 0.0, 0.0
     low = 1
     margin_s = 0.2
     time = leave[1] - 0.1
@@ -269,10 +270,11 @@ def line_seen_into(
         for c in range(3):
             long += (place[key[i], c] - place[before, c]) ** 2
         way[i] = np.sqrt(long)
-    shown = np.zeros(last + 2, np.int64)
+    shown, leave, reach = np.empty(last + 2, np.int64), np.empty(last + 2), np.empty(last + 2)
+    for g in range(last + 2):
+        shown[g], leave[g], reach[g] = 0, long_ago, long_ago
     for i in range(n):
         shown[at[i]] = key[i]
-    leave, reach = np.full(last + 2, long_ago), np.full(last + 2, long_ago)
     (share, calm, hurried, least, most, per_mm, overlap, shortest, peak_per_mm, late, first,
      rest_delay, rest_move) = rule  # fmt: skip
     strokes_into(start, end, target, rested, way, share, calm, hurried, least, most, per_mm,

@@ -193,7 +193,11 @@ def correlate_pilots(
     `places` starts looked at are written to peaks[n, past:]. slots[n] and masks[n]
     are those of pilot n of each frame, masks by profile.
     """
-    common = np.empty((slots.shape[1] // SEGMENT_FRAMES, places + shift.max()), dtype=np.int8)
+    longest = 0
+    for clock in range(shift.shape[0]):
+        for segment in range(shift.shape[1]):
+            longest = max(longest, shift[clock, segment])
+    common = np.empty((slots.shape[1] // SEGMENT_FRAMES, places + longest), dtype=np.int8)
     tier = -1
     for n in range(pairs.shape[0]):
         if pairs[n, 0] != tier:
