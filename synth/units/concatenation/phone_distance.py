@@ -42,6 +42,19 @@ def phone_distance(a: str, b: str) -> int:
     return max(1, sum(abs(x - y) for x, y in pairs))
 
 
+def same_but_voiced(a: str, b: str) -> bool:
+    """Return whether two phones are the same but for their voicing.
+
+    Examples
+    --------
+    >>> same_but_voiced("z", "s"), same_but_voiced("z", "l"), same_but_voiced("_", "s")
+    (True, False, False)
+    """
+    if a == b or PAUSE in (a, b) or a in VOWELS or b in VOWELS:
+        return a == b
+    return all(_FEATURES[a][i] == _FEATURES[b][i] for i in (0, 1, 3))
+
+
 @functools.cache
 def phone_distances() -> NDArray[np.int64]:
     """Return the distances of all phones by their numbers, shape (38, 38)."""

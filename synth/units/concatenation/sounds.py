@@ -19,7 +19,11 @@ from codec.cues.phonology import PAUSE, PHONE_NUMBER, VOWELS
 from codec.cues.score import Phone
 from codec.errors import CueError
 from synth.planning.prosody.melody import Melody
-from synth.units.concatenation.phone_distance import phone_distance, phone_distances
+from synth.units.concatenation.phone_distance import (
+    phone_distance,
+    phone_distances,
+    same_but_voiced,
+)
 from synth.units.concatenation.selection import select_units
 from synth.units.concatenation.units import Unit, cut_sounds, split_polysound, with_pauses
 from synth.units.recordings.recording import LSP_ORDER, UnitRecording
@@ -222,11 +226,12 @@ class SoundDictionary:
     def _halved(self, label: tuple[str, ...]) -> bool:
         """Return whether the halves of a missing diphone suit it better than another diphone.
 
-        A cut between two vowels is heard as a consonant; two consonants that differ from recorded
-        ones by a step, as voicing, are hardly missed.
+        A cut between two vowels is heard as a consonant; a change of voicing beside
+        another consonant is usual in French.
         """
         vowels = sum(symbol in VOWELS for symbol in label)
-        if vowels == 2 or (not vowels and self._nearest(label)[1] <= 1):
+        voicing = all(map(same_but_voiced, label, self._nearest(label)[0]))
+        if vowels == 2 or (not vowels and voicing):
             return False
         keys = zip(label, (True, False), strict=True)
         return all(key[0] == PAUSE or key in self._halves for key in keys)
