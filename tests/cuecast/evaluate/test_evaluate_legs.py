@@ -29,6 +29,7 @@ def test_three_legs_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     save_motion(replace(motion, params=late), clips / "late.npz")
     monkeypatch.setattr(legs, "_TAKES", 1)
     monkeypatch.setattr(legs, "_SENTENCES", 1)
+    monkeypatch.setattr(legs, "_SECOND_TAKES", 1)
     monkeypatch.setattr(
         legs, "_WISHES", {"337.5 bit/s": {"rate_bps": 337.5}, "4 mm": {"error_mm": 4.0}}
     )
