@@ -113,14 +113,6 @@ def coefficient_code(
     return starts[:n], freqs[:n], ends
 
 
-def coefficient_bits(q: Ints, setting: Setting, basis: Basis) -> float:
-    """Return the ideal length of all coefficients in bits."""
-    bits: float = _kernels.coefficient_cost(
-        q, raised(basis, setting), basis.before, setting.step, coefficient_tables().cost
-    )
-    return bits
-
-
 def room_bits(header: Header, size: int) -> int:
     """Return the bits of payload in an L0 part of `size` bytes."""
     return 8 * (size - HEADER_BYTES - CRC16_BYTES) - header.tail
