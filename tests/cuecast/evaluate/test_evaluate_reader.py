@@ -75,7 +75,7 @@ def folder(laboratory: Path, tmp_path: Path) -> Path:
 def test_a_folder_teaches_and_others_are_read(
     laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(evaluation, "_TAKES", 6)
+    monkeypatch.setattr(evaluation, "_TAKES", 3)
     rows = evaluation.evaluate(options(laboratory, tmp_path, "real", "claire"))
     every, classes = rows[:2], rows[2:]
     assert [row["cuer"] for row in every] == ["real", "claire"]
