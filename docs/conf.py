@@ -18,5 +18,5 @@ myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 4
 
 suppress_warnings = [
-    "misc.highlighting_failure",  # forges draw Mermaid's diagrams; Pygments has no lexer for them
+    "misc.highlighting_failure"  # forges draw Mermaid's diagrams; Pygments has no lexer for them
 ]

@@ -97,9 +97,13 @@ def _cues(key: int, n: int) -> bool:
 
 
 def _margins(
-    before: int, after: int, place: FloatArray, tips: FloatArray, goal: FloatArray,
+    before: int,
+    after: int,
+    place: FloatArray,
+    tips: FloatArray,
+    goal: FloatArray,
     limit: FloatArray,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Return how much farther than its limit the nearest third placement stays, for each arc."""
     n = len(PLACEMENTS)
     thirds = [p for p in range(1, n) if p not in (before % n, after % n)]

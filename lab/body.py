@@ -72,9 +72,12 @@ def marker_arrays(mesh: Mesh, layout: Path) -> dict[str, NDArray[np.generic]]:
     ends = np.array([mesh.joints[f"{bone}.R"][1] for bone in ARM_BONES])
     normals = vertex_normals(mesh)
     landmark = {
-        "mouth_corner": at["LC_R"], "chin": at["CH0"], "cheekbone": at["CK2_R"],
-        "larynx": _LARYNX_CENTRE, "ear": at["EAR_R"],
-    }  # fmt: skip
+        "mouth_corner": at["LC_R"],
+        "chin": at["CH0"],
+        "cheekbone": at["CK2_R"],
+        "larynx": _LARYNX_CENTRE,
+        "ear": at["EAR_R"],
+    }
     return {
         "face_rest": (face.of(mesh.vertices) - origin).astype(np.float32),
         "face_normals": unit(face.of(normals)).astype(np.float32),
@@ -162,9 +165,11 @@ def _arm_frames(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
         frames[bone] = frame(start["wrist"] - start["lowerarm01"], frames["wrist"][:, 0])
     ulnar = [
         -np.cross(along["finger1-1"], along["finger1-3"]),
-        knuckle[2] - knuckle[1], knuckle[3] - knuckle[1],
-        knuckle[4] - knuckle[2], knuckle[4] - knuckle[3],
-    ]  # fmt: skip
+        knuckle[2] - knuckle[1],
+        knuckle[3] - knuckle[1],
+        knuckle[4] - knuckle[2],
+        knuckle[4] - knuckle[3],
+    ]
     for bone, axis in zip(METACARPALS, ulnar[1:], strict=True):
         frames[bone] = frame(along[bone], axis)
     zero = []

@@ -102,18 +102,23 @@ def make_utterance(session: Session, utterance: Utterance) -> None:
     if free:
         score = shape_transitions(rounds=ROUNDS_OF_SHAPES)
         studio = Studio(
-            surround(), noise_mm=studio.noise_mm, bias_mm=studio.bias_mm,
-            dropouts_per_s=studio.dropouts_per_s, swaps_per_s=studio.swaps_per_s,
+            surround(),
+            noise_mm=studio.noise_mm,
+            bias_mm=studio.bias_mm,
+            dropouts_per_s=studio.dropouts_per_s,
+            swaps_per_s=studio.swaps_per_s,
             ghosts_per_s=studio.ghosts_per_s,
-        )  # fmt: skip
+        )
     else:
         samples, score = spoken(utterance)
         soundfile.write(stem.with_suffix(".wav"), samples, RATE_HZ, subtype="PCM_16")
     recording = record(cuer, score, studio=studio, seed=utterance.seed)
     write_c3d(
-        stem.with_suffix(".c3d"), recording.observed, rate_hz=session.rate_hz,
+        stem.with_suffix(".c3d"),
+        recording.observed,
+        rate_hz=session.rate_hz,
         ghosts=recording.ghosts,
-    )  # fmt: skip
+    )
     duration_s = len(recording.observed) / session.rate_hz
     write_textgrid(stem.with_suffix(".TextGrid"), score, duration_s)
 
@@ -150,11 +155,12 @@ def main(arguments: list[str] | None = None) -> int:
         sentences = read_sentences(options.sentences)
         utterances, report = plan_corpora(sentences, count=options.count, seed=options.seed)
         session = Session(
-            options.out, options.identity, options.law, options.rate,
-            Studio(
-                noise_mm=options.noise, swaps_per_s=options.swaps, ghosts_per_s=options.ghosts,
-            ),
-        )  # fmt: skip
+            options.out,
+            options.identity,
+            options.law,
+            options.rate,
+            Studio(noise_mm=options.noise, swaps_per_s=options.swaps, ghosts_per_s=options.ghosts),
+        )
         options.out.mkdir(parents=True, exist_ok=True)
         with tqdm(total=len(utterances), unit="utterance", disable=options.quiet) as bar:
             make_corpora(session, utterances, jobs=options.jobs, advance=bar.update)

@@ -80,9 +80,14 @@ def grow(x: NDArray[np.uint8], y: NDArray[np.float64], rank: NDArray[np.uint8]) 
     from sklearn.ensemble import HistGradientBoostingRegressor
 
     model = HistGradientBoostingRegressor(
-        learning_rate=0.04, max_iter=_TREES, max_leaf_nodes=_LEAVES, min_samples_leaf=60,
-        l2_regularization=1.0, early_stopping=False, random_state=0,
-    ).fit(x, y)  # fmt: skip
+        learning_rate=0.04,
+        max_iter=_TREES,
+        max_leaf_nodes=_LEAVES,
+        min_samples_leaf=60,
+        l2_regularization=1.0,
+        early_stopping=False,
+        random_state=0,
+    ).fit(x, y)
     shape = (_TREES, 2 * _LEAVES - 1)
     feature, threshold, left, right = (np.zeros(shape, dtype=np.uint8) for _ in range(4))
     value = np.zeros(shape, dtype=np.int16)

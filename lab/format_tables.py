@@ -301,8 +301,9 @@ def format_tables(
     residual, loose, plain = list[Array](), list[Array](), list[Array]()
     filmed = [coding.filmed.forward(block - coding.mean) for m in others for block in blocks_of(m)]
     for basis, examples, found in (
-        (coding.residual, motions, residual), (coding.loose, imprecise, loose)
-    ):  # fmt: skip
+        (coding.residual, motions, residual),
+        (coding.loose, imprecise, loose),
+    ):
         for motion in examples:
             blocks = blocks_of(motion)
             parts = parts_of(motion, len(blocks))
@@ -310,10 +311,14 @@ def format_tables(
                 prediction = resynthesis_of(coding, near(parts, k), k).params()
                 found.append(basis.forward(block - prediction))
                 plain.append(coding.plain.forward(block - coding.mean))
-    coefficient = train_coefficients([
-        (coding.residual, residual), (coding.loose, loose), (coding.plain, plain),
-        (coding.filmed, filmed),
-    ])  # fmt: skip
+    coefficient = train_coefficients(
+        [
+            (coding.residual, residual),
+            (coding.loose, loose),
+            (coding.plain, plain),
+            (coding.filmed, filmed),
+        ]
+    )
     score = train_score(scores) if scores else present_tables()["score"]
     score |= _of_hands(score["key"])
     return {"language": present_tables()["language"], "score": score, "coefficient": coefficient}

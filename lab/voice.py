@@ -138,8 +138,10 @@ def perform(cuer: GestureSynthesiser, score: Score) -> TrainingSet:
 
     return TrainingSet(
         cuer.markers(score, 0.0, n_frames),
-        numbers(labels.shape), numbers(labels.placement), numbers(labels.phone),
-    )  # fmt: skip
+        numbers(labels.shape),
+        numbers(labels.placement),
+        numbers(labels.phone),
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -131,10 +131,14 @@ async def running(
             ]
             Path(folder, "user.js").write_text("\n".join(lines), encoding="utf-8")
         process = await asyncio.create_subprocess_exec(
-            program, *flags, profile.format(folder),
-            stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE,
-            start_new_session=True, env={**os.environ, **(variables or {})},
-        )  # fmt: skip
+            program,
+            *flags,
+            profile.format(folder),
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+            env={**os.environ, **(variables or {})},
+        )
         assert process.stderr is not None
         drain: asyncio.Task[bytes] | None = None
         try:

@@ -51,9 +51,12 @@ class Page(Tab):
     async def resize(self, width: int, height: int) -> None:
         """Set the size of the visible part."""
         await self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height,
-            deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     async def screenshot(self, path: Path) -> None:
         """Write the visible part of the page as PNG."""

@@ -27,9 +27,13 @@ PREFERENCES = {
 
 
 _KEYS = {
-    "Enter": "\ue007", "Escape": "\ue00c", "ArrowLeft": "\ue012", "ArrowUp": "\ue013",
-    "ArrowRight": "\ue014", "ArrowDown": "\ue015",
-}  # fmt: skip
+    "Enter": "\ue007",
+    "Escape": "\ue00c",
+    "ArrowLeft": "\ue012",
+    "ArrowUp": "\ue013",
+    "ArrowRight": "\ue014",
+    "ArrowDown": "\ue015",
+}
 """Characters of WebDriver that stand for keys without one."""
 
 
@@ -50,9 +54,11 @@ class FirefoxPage(Tab):
     async def evaluate(self, expression: str) -> Any:
         """Return the value of an expression in the page, awaited if it is a promise."""
         result = await self.call(
-            "script.evaluate", expression=expression, target={"context": self.context},
+            "script.evaluate",
+            expression=expression,
+            target={"context": self.context},
             awaitPromise=True,
-        )  # fmt: skip
+        )
         assert result["type"] == "success", result["exceptionDetails"]
         return _value(result["result"])
 
@@ -135,12 +141,17 @@ async def _sound() -> AsyncIterator[str]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         address = f"unix:{folder}/socket"
         process = await asyncio.create_subprocess_exec(
-            program, "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no",
+            program,
+            "-n",
+            "--daemonize=no",
+            "--exit-idle-time=-1",
+            "--use-pid-file=no",
             "--load=module-null-sink rate=48000",
             f"--load=module-native-protocol-unix auth-anonymous=1 socket={folder}/socket",
-            stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.DEVNULL,
             env={**os.environ, "HOME": folder, "XDG_RUNTIME_DIR": folder},
-        )  # fmt: skip
+        )
         try:
             while not Path(folder, "socket").exists():
                 assert process.returncode is None, "pulseaudio ended before it listened"

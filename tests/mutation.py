@@ -31,10 +31,7 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 ROOMS = {
-    "tracker": (
-        "receiver/reception/tracking.py",
-        "tests/receiver/reception/test_tracking.py",
-    ),
+    "tracker": ("receiver/reception/tracking.py", "tests/receiver/reception/test_tracking.py"),
     "link": (
         "watermark/link",
         "watermark/link tests/watermark/link/test_link.py tests/watermark/link/test_combine.py",
@@ -263,10 +260,15 @@ def keep(path: Path, room: str, tried: list[Mutant], total: int, seed: int) -> d
     outcomes = before | {f"{m.path} {m.operator} {m.occurrence}": m.outcome for m in tried}
     count = Counter(outcomes.values())
     row = {
-        "room": room, "seed": seed, "mutants": total, "tried": len(outcomes),
-        "killed": count["killed"], "survived": count["survived"], "equivalent": count["equivalent"],
+        "room": room,
+        "seed": seed,
+        "mutants": total,
+        "tried": len(outcomes),
+        "killed": count["killed"],
+        "survived": count["survived"],
+        "equivalent": count["equivalent"],
         "score": round(count["killed"] / max(1, count["killed"] + count["survived"]), 3),
-    }  # fmt: skip
+    }
     told: dict[str, Any] = row | {"outcomes": outcomes}
     rows = [old for old in rows if old["room"] != room] + [told]
     rows.sort(key=lambda one: list(ROOMS).index(one["room"]))

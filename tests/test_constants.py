@@ -137,8 +137,11 @@ def every_docstring() -> Iterator[tuple[Path, str, str]]:
 
 
 def test_numbers_have_a_unit() -> None:
-    found = [f"{path}: {name}: {text}" for path, name, text in every_docstring()
-             if lacks_unit(name, text)]  # fmt: skip
+    found = [
+        f"{path}: {name}: {text}"
+        for path, name, text in every_docstring()
+        if lacks_unit(name, text)
+    ]
     assert not found, "\n".join(found)
 
 

@@ -88,9 +88,13 @@ def short(workshop: tuple[Path, str]) -> Path:
     sound, subtitles = make_sound()
     (folder / "programme.srt").write_text(as_srt(subtitles[:SHORT_LINES]), encoding="utf-8")
     write_film(
-        folder / "programme.mkv", sound[: SHORT_S * FS], FS, encoder="flac",
-        pictures=islice(make_pictures(SHORT_S), SHORT_S * PICTURE_RATE), picture_rate=PICTURE_RATE,
-    )  # fmt: skip
+        folder / "programme.mkv",
+        sound[: SHORT_S * FS],
+        FS,
+        encoder="flac",
+        pictures=islice(make_pictures(SHORT_S), SHORT_S * PICTURE_RATE),
+        picture_rate=PICTURE_RATE,
+    )
     dub = ["dub", "programme.mkv", "--subtitles", "programme.srt", "-o", "on-air.mkv", "--no-grade"]
     with contextlib.chdir(folder):
         assert main(dub) == 0
@@ -139,8 +143,11 @@ def _printed(command: str) -> str:
         path = {"PATH": f"{home}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
         run = subprocess.run(
             ["bash", "-c", f"set -o pipefail; {command}"],
-            env=os.environ | path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            env=os.environ | path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert run.returncode == 0, run.stderr
         return run.stdout
     out, notes = io.StringIO(), io.StringIO()
@@ -265,8 +272,11 @@ def test_every_public_name_is_on_a_page(package: str) -> None:
 def test_the_pages_build_without_warnings(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "docs.generate", str(tmp_path / "site")],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")
     names = ("index", "docs/reference/verbs", "docs/reference/api/codec", "spec/bitstream")
     for name in (*names, "docs/figures"):

@@ -71,8 +71,9 @@ def test_types_and_homes_agree(package: str) -> None:
     tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
     told, hidden = (node for node in tree.body if isinstance(node, ast.If))
     assert (ast.unparse(told.test), ast.unparse(hidden.test)) == (
-        "TYPE_CHECKING", "not TYPE_CHECKING",
-    )  # fmt: skip
+        "TYPE_CHECKING",
+        "not TYPE_CHECKING",
+    )
     # Were it not hidden, type checkers would take any misspelt name for one of ours.
     assert [getattr(node, "name", "") for node in hidden.body] == ["__getattr__"]
     typed = {}
@@ -142,9 +143,11 @@ def test_types_of_signatures_are_in_a_face() -> None:
     known = {thing for thing in public if isinstance(thing, type)}
     missing = {
         f"{found.__module__}.{found.__name__} in {thing.__name__}"
-        for thing in public if callable(thing) and not is_error(thing)
-        for found in types_of_ours(thing) if found not in known
-    }  # fmt: skip
+        for thing in public
+        if callable(thing) and not is_error(thing)
+        for found in types_of_ours(thing)
+        if found not in known
+    }
     assert missing == set()
 
 

@@ -112,10 +112,7 @@ room's docstring states what comes in, what goes out and what it may import.
 ENTRIES = {"__init__.py", "__main__.py", "compiled.py", "errors.py"}
 """Files that may lie loose at the root of a package: faces, entry points, what all packages use."""
 
-LOOSE = {
-    "synth/capture": {"capture.py", "options.py"},
-    "watermark/audio": {"receiver.py"},
-}
+LOOSE = {"synth/capture": {"capture.py", "options.py"}, "watermark/audio": {"receiver.py"}}
 """Further loose files: what a room's own rooms all take, and what puts them together."""
 
 

@@ -61,8 +61,10 @@ def test_prose_is_everyday_english(texts: Callable[[], Iterator[str]], pattern: 
     words, found = 0, []
     for text in texts():
         words += len(text.split())
-        found += [text[max(0, m.start() - 40) : m.end() + 20] for m in
-                  re.finditer(PATTERNS[pattern], text)]  # fmt: skip
+        found += [
+            text[max(0, m.start() - 40) : m.end() + 20]
+            for m in re.finditer(PATTERNS[pattern], text)
+        ]
     assert words > 10000
     rate = 1000 * len(found) / words
     assert rate <= RATE, f"{pattern}: {rate:.2f} in 1000 words, such as {found[:20]}"

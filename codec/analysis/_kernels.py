@@ -19,9 +19,7 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
     n = np.empty((4, 4))
     n[0, 0] = c[0, 0] + c[1, 1] + c[2, 2]
     n[0, 1], n[0, 2], n[0, 3] = c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0]
-    n[1, 1], n[1, 2], n[1, 3] = (
-        c[0, 0] - c[1, 1] - c[2, 2], c[0, 1] + c[1, 0], c[2, 0] + c[0, 2],
-    )  # fmt: skip
+    n[1, 1], n[1, 2], n[1, 3] = (c[0, 0] - c[1, 1] - c[2, 2], c[0, 1] + c[1, 0], c[2, 0] + c[0, 2])
     n[2, 2], n[2, 3] = c[1, 1] - c[0, 0] - c[2, 2], c[1, 2] + c[2, 1]
     n[3, 3] = c[2, 2] - c[0, 0] - c[1, 1]
     for i in range(4):
@@ -67,14 +65,20 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
             best = i
     w, x, y, z = v[0, best], v[1, best], v[2, best], v[3, best]
     turn[0, 0], turn[0, 1], turn[0, 2] = (
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-    )  # fmt: skip
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+    )
     turn[1, 0], turn[1, 1], turn[1, 2] = (
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-    )  # fmt: skip
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+    )
     turn[2, 0], turn[2, 1], turn[2, 2] = (
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
-    )  # fmt: skip
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
 
 
 @njit(cache=True)

@@ -110,6 +110,10 @@ def passed_by(
                 continue
             at = here.start + int(np.where(near[here, third], away[here, third], np.inf).argmin())
             yield PassedPlacement(
-                float(times[at]), PLACEMENTS[placement[stroke - 1]], PLACEMENTS[placement[stroke]],
-                PLACEMENTS[third], float(away[at, third]), float(limit[at, third]),
-            )  # fmt: skip
+                float(times[at]),
+                PLACEMENTS[placement[stroke - 1]],
+                PLACEMENTS[placement[stroke]],
+                PLACEMENTS[third],
+                float(away[at, third]),
+                float(limit[at, third]),
+            )

@@ -121,9 +121,13 @@ class Classes:
         hand = _against_head(x, self._skull, _HAND)
         back, fingers, tips = np.split(hand, [len(_BACK), len(_BACK) + len(_FINGERS)], axis=1)
         shapes = shapes_apart(
-            np.ascontiguousarray(back), np.ascontiguousarray(fingers), self._back, self.fingers,
-            outlier_mm=rigid.OUTLIER_MM, rounds=_ROUNDS,
-        )  # fmt: skip
+            np.ascontiguousarray(back),
+            np.ascontiguousarray(fingers),
+            self._back,
+            self.fingers,
+            outlier_mm=rigid.OUTLIER_MM,
+            rounds=_ROUNDS,
+        )
         return shapes, tips
 
 

@@ -183,9 +183,7 @@ class Recogniser:
 
 
 def fit_recogniser(
-    markers: NDArray[np.floating],
-    shape: NDArray[np.integer],
-    placement: NDArray[np.integer],
+    markers: NDArray[np.floating], shape: NDArray[np.integer], placement: NDArray[np.integer]
 ) -> Recogniser:
     """Learn a recogniser from labelled targets.
 

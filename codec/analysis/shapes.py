@@ -66,9 +66,7 @@ def _fits(
     """Return rotations (T, S, 3, 3) and the centres that they carry from (T, S, 3) and to."""
     n, shapes, markers = len(back), len(still), back.shape[1]
     turn, here, there = _fit(
-        np.ones((n * shapes, markers)),
-        np.tile(still, (n, 1, 1)),
-        np.repeat(back, shapes, axis=0),
+        np.ones((n * shapes, markers)), np.tile(still, (n, 1, 1)), np.repeat(back, shapes, axis=0)
     )
     kept = np.ones((n * shapes, markers), dtype=bool)
     open_ = np.arange(n * shapes)
@@ -80,8 +78,9 @@ def _fits(
         far |= ~kept[open_].all(axis=1)
         open_, apart, a, b = open_[far], apart[far], a[far], b[far]
         ordered = np.sort(apart, axis=1)
-        limit = np.maximum(np.maximum(outlier_mm, 2 * ordered[:, (markers - 1) // 2]),
-                           ordered[:, 2])  # fmt: skip
+        limit = np.maximum(
+            np.maximum(outlier_mm, 2 * ordered[:, (markers - 1) // 2]), ordered[:, 2]
+        )
         keeps = apart <= limit[:, None]
         changed = (keeps != kept[open_]).any(axis=1)
         if not changed.any():
@@ -91,9 +90,7 @@ def _fits(
         turn[open_], here[open_], there[open_] = _fit(
             keeps[changed].astype(np.float64), a[changed], b[changed]
         )
-    return (
-        turn.reshape(n, shapes, 3, 3), here.reshape(n, shapes, 3), there.reshape(n, shapes, 3),
-    )  # fmt: skip
+    return (turn.reshape(n, shapes, 3, 3), here.reshape(n, shapes, 3), there.reshape(n, shapes, 3))
 
 
 def _fit(weight: FloatArray, a: FloatArray, b: FloatArray) -> tuple[FloatArray, ...]:
@@ -135,12 +132,16 @@ def _apart(
     mixed = mixed.reshape(len(still), 3, n, 3).transpose(2, 0, 1, 3)  # (T, S, 3, 3)
     sums, own_sums = fingers.sum(axis=1)[:, None], still.sum(axis=1)[None]
     mixed = (
-        mixed - here[..., None] * sums[:, :, None] - own_sums[..., None] * there[:, :, None]
+        mixed
+        - here[..., None] * sums[:, :, None]
+        - own_sums[..., None] * there[:, :, None]
         + count * here[..., None] * there[:, :, None]
-    )  # fmt: skip
-    own = ((still**2).sum(axis=(1, 2)) - 2 * (here * own_sums).sum(-1)
-           + count * (here**2).sum(-1))  # fmt: skip
-    other = ((fingers**2).sum(axis=(1, 2))[:, None] - 2 * (there * sums).sum(-1)
-             + count * (there**2).sum(-1))  # fmt: skip
+    )
+    own = (still**2).sum(axis=(1, 2)) - 2 * (here * own_sums).sum(-1) + count * (here**2).sum(-1)
+    other = (
+        (fingers**2).sum(axis=(1, 2))[:, None]
+        - 2 * (there * sums).sum(-1)
+        + count * (there**2).sum(-1)
+    )
     overlap = (np.swapaxes(turn, -1, -2) * mixed).sum(axis=(-1, -2))
     return np.asarray(np.sqrt(np.maximum(own + other - 2 * overlap, 0.0) / count))

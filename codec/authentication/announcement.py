@@ -19,14 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from codec.authentication.chain import Chain, keys_of
-from codec.authentication.layout import (
-    KEY_BYTES,
-    LAYOUTS,
-    PERIOD,
-    SUPERFRAME_S,
-    number_at,
-    time_of,
-)
+from codec.authentication.layout import KEY_BYTES, LAYOUTS, PERIOD, SUPERFRAME_S, number_at, time_of
 from codec.errors import CueError
 
 _FORMATS = {"secret": "cuecast-key-1", "public": "cuecast-key-3"}
@@ -254,11 +247,13 @@ def load_announcement(path: str | os.PathLike[str]) -> Announcement:
     document = _load(path, "public")
     try:
         found = Announcement(
-            _checked_name(document["name"]), _bytes(document["public_key"]),
-            int(document["first"]), int(document["until"]),
+            _checked_name(document["name"]),
+            _bytes(document["public_key"]),
+            int(document["first"]),
+            int(document["until"]),
             {width: _bytes(document["ends"][str(width)]) for width in LAYOUTS},
             _bytes(document["signature"]),
-        )  # fmt: skip
+        )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CueError(f"{path}: not a public key of cuecast: {error}") from error
     _check(found, path)
@@ -284,11 +279,14 @@ def _check(found: Announcement, path: str | os.PathLike[str]) -> None:
 
 def _document(announcement: Announcement) -> dict[str, Any]:
     return {
-        "format": _FORMATS["public"], "kind": "public", "name": announcement.name,
+        "format": _FORMATS["public"],
+        "kind": "public",
+        "name": announcement.name,
         "public_key": _text(announcement.public_key),
-        "first": announcement.first, "until": announcement.until,
+        "first": announcement.first,
+        "until": announcement.until,
         "ends": {str(width): _text(ends) for width, ends in announcement.ends.items()},
-    }  # fmt: skip
+    }
 
 
 def _signed(announcement: Announcement) -> bytes:

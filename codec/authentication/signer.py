@@ -34,9 +34,14 @@ class Signer:
     """
 
     def __init__(
-        self, key: SigningKey, on_air_s: float, width: int, *, place: int = 0,
+        self,
+        key: SigningKey,
+        on_air_s: float,
+        width: int,
+        *,
+        place: int = 0,
         after: "Signer | None" = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if width not in LAYOUTS:
             raise CueError(f"proof fields of {width} bits: there are those of 2 and of 9")
         self._key = key

@@ -126,9 +126,13 @@ class Verifier:
         return self._received.layout
 
     def take(
-        self, index: int, covered: bytes | None, proof: tuple[int, int] | None,
-        *, utc_s: float | None = None,
-    ) -> list[Verdict]:  # fmt: skip
+        self,
+        index: int,
+        covered: bytes | None,
+        proof: tuple[int, int] | None,
+        *,
+        utc_s: float | None = None,
+    ) -> list[Verdict]:
         """Take the next superframe of the stream; return verdicts in order of the indices.
 
         Parameters

@@ -59,8 +59,13 @@ FOREARM = tuple(f"A{ring}{place}" for ring in range(3) for place in range(4))
 """Three rings of four around the forearm, elbow to wrist: the rigid carrier of the hand."""
 
 HAND_MARKERS = (
-    *(name for finger in FINGERS for name in finger), *KNUCKLES, *PALM, *SIDES, *WRIST, *FOREARM,
-)  # fmt: skip
+    *(name for finger in FINGERS for name in finger),
+    *KNUCKLES,
+    *PALM,
+    *SIDES,
+    *WRIST,
+    *FOREARM,
+)
 """The 50 markers of right hand and forearm."""
 
 MARKERS = (*FACE_MARKERS, *HAND_MARKERS)

@@ -169,8 +169,10 @@ class MotionWriter:
         """
         first = self._first = self._first or replace(motion, params=motion.params[:0], score=None)
         if (motion.rate_hz, motion.layout, motion.voice) != (
-            first.rate_hz, first.layout, first.voice,
-        ):  # fmt: skip
+            first.rate_hz,
+            first.layout,
+            first.voice,
+        ):
             raise CueError("parts of a motion differ in rate, layout or voice")
         due_s = first.start_s + self._frames / first.rate_hz
         if abs(motion.start_s - due_s) > 0.5 / first.rate_hz:
@@ -271,10 +273,13 @@ def load_motion(path: str | os.PathLike[str]) -> Motion:
     try:
         text = str(arrays["score"]) if "score" in arrays else ""
         return Motion(
-            arrays["params"], float(arrays["rate_hz"]), float(arrays["start_s"]),
-            tuple(map(str, arrays["layout"])), str(arrays["voice"]),
+            arrays["params"],
+            float(arrays["rate_hz"]),
+            float(arrays["start_s"]),
+            tuple(map(str, arrays["layout"])),
+            str(arrays["voice"]),
             Score.from_json(text) if text else None,
-        )  # fmt: skip
+        )
     except CueError as error:
         raise CueError(f"{path}: {error}") from error
     except (KeyError, ValueError, TypeError) as error:

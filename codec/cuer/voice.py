@@ -90,9 +90,11 @@ class Voice:
     def layout(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of `Motion.params`."""
         counts = {
-            "face": N_FACE_PARAMETERS, "hand": N_HAND_PARAMETERS,
-            "head": self.face.n_motion, "forearm": self.hand.n_motion,
-        }  # fmt: skip
+            "face": N_FACE_PARAMETERS,
+            "hand": N_HAND_PARAMETERS,
+            "head": self.face.n_motion,
+            "forearm": self.hand.n_motion,
+        }
         return tuple(f"{group}.{k + 1}" for group, n in counts.items() for k in range(n))
 
     @property
@@ -106,9 +108,14 @@ class Voice:
         """Columns of `Motion.params` that drive the hand model, in its order."""
         hand = N_FACE_PARAMETERS + np.arange(N_HAND_PARAMETERS)
         return np.concatenate(
-            [hand, N_FACE_PARAMETERS + N_HAND_PARAMETERS + self.face.n_motion
-             + np.arange(self.hand.n_motion)]
-        )  # fmt: skip
+            [
+                hand,
+                N_FACE_PARAMETERS
+                + N_HAND_PARAMETERS
+                + self.face.n_motion
+                + np.arange(self.hand.n_motion),
+            ]
+        )
 
     def check_motion(self, motion: Motion) -> None:
         """Check that a motion's columns mean what this voice's do.

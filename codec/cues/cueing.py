@@ -123,9 +123,11 @@ def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> It
             adjacent = phone.start - waiting.end <= _JOIN_TOLERANCE_S
             if adjacent and phone.symbol in vowels:
                 yield Key(
-                    waiting.start, phone.end, (waiting.symbol, phone.symbol),
+                    waiting.start,
+                    phone.end,
+                    (waiting.symbol, phone.symbol),
                     *options.key_of(waiting.symbol, phone.symbol),
-                )  # fmt: skip
+                )
                 waiting = None
                 continue
             yield _consonant_key(waiting, options)

@@ -38,7 +38,7 @@ _FRENCH = {
         "vowels": ["a", "i", "ɛ", "ɛ̃", "e"],
     },
     "common": ["d", "k", "ʁ", "n", "t", "l", "g", "j"],
-}  # fmt: skip
+}
 """Members that the file of French leaves out (table 8)."""
 
 
@@ -208,9 +208,10 @@ def _problem_of(language: Language) -> str:
     phones, last = language.phones, language.n_vowels
     vowels, consonants = phones[1 : 1 + last], phones[1 + last :]
     limits = {
-        "phones": (len(phones), _MOST_PHONES), "shapes": (language.n_shapes, _MOST_KINDS),
+        "phones": (len(phones), _MOST_PHONES),
+        "shapes": (language.n_shapes, _MOST_KINDS),
         "placements": (language.n_placements, _MOST_KINDS),
-    }  # fmt: skip
+    }
     for what, (count, most) in limits.items():
         if not _FEWEST <= count <= most:
             return f"{count} {what}, not within {_FEWEST}..{most}"
@@ -225,13 +226,15 @@ def _problem_of(language: Language) -> str:
         "vowels and their placements differ": set(vowels) == set(language.placement_of),
         "consonants and their shapes differ": set(consonants) == set(language.shapes),
         "a shape below 1": min([*language.shapes.values(), language.shape_alone]) >= 1,
-        "a placement that is not in its list": named | {language.placement_alone}
-        | set(language.movement) <= places - {REST},
+        "a placement that is not in its list": named
+        | {language.placement_alone}
+        | set(language.movement)
+        <= places - {REST},
         "a movement from a placement that moves": not set(language.movement)
         & {*language.movement.values(), language.placement_alone},
         "stand-ins do not fit the chart": _stands(language, consonant_stand_ins, vowel_stand_ins),
         "alternatives that are not in its vowels": set(language.alternatives) <= set(vowels),
-    }  # fmt: skip
+    }
     return next((text for text, holds in checks.items() if not holds), "")
 
 

@@ -235,11 +235,14 @@ class Score:
             phones = tuple(Phone(str(s), float(a), float(b)) for s, a, b in document["phones"])
             keys = tuple(
                 Key(
-                    float(k["start"]), float(k["end"]), tuple(map(str, k["phones"])),
-                    int(k["shape"]), str(k["placement"]),
+                    float(k["start"]),
+                    float(k["end"]),
+                    tuple(map(str, k["phones"])),
+                    int(k["shape"]),
+                    str(k["placement"]),
                 )
                 for k in document["keys"]
-            )  # fmt: skip
+            )
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise CueError(f"malformed score: {error!r}") from error
         return cls(phones, keys)

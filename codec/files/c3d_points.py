@@ -88,9 +88,11 @@ class C3dPoints:
         """
         begin, end = max(begin, 0), min(end, self.n_frames)
         raw = np.fromfile(
-            self._path, self._dtype, max(end - begin, 0) * self._words,
+            self._path,
+            self._dtype,
+            max(end - begin, 0) * self._words,
             offset=self._offset + begin * self._words * self._dtype.itemsize,
-        )  # fmt: skip
+        )
         raw = raw.reshape(-1, self._words)[:, : 4 * len(self.labels)]
         if raw.dtype.kind == "i":
             values = raw.astype(np.float32).reshape(len(raw), -1, 4)

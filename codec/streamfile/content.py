@@ -64,9 +64,14 @@ class StreamHead:
 def write_head(head: StreamHead) -> bytes:
     """Return a head with its check."""
     fields = {
-        "magic": MAGIC, "version": VERSION, "coding": int(head.coding, 16),
-        "first_tick": head.first_tick, "ticks": head.ticks, "l0": head.l0, "l1": head.l1,
-    }  # fmt: skip
+        "magic": MAGIC,
+        "version": VERSION,
+        "coding": int(head.coding, 16),
+        "first_tick": head.first_tick,
+        "ticks": head.ticks,
+        "l0": head.l0,
+        "l1": head.l1,
+    }
     body = pack_fields(FILE_FIELDS, fields)
     return body + crc16(body).to_bytes(_CRC_BYTES, "big")
 
@@ -96,9 +101,12 @@ def read_head(data: bytes) -> StreamHead:
         rule = f"checksum of the head: {own.hex()} expected, {check.hex()} found"
         raise BitstreamError(rule, section="F4", bit=8 * FILE_BYTES, cause=_CHANGED)
     head = StreamHead(
-        f"{fields['coding']:016x}", fields["first_tick"], fields["ticks"], fields["l0"],
+        f"{fields['coding']:016x}",
+        fields["first_tick"],
+        fields["ticks"],
+        fields["l0"],
         fields["l1"],
-    )  # fmt: skip
+    )
     if not 0 < head.ticks <= MAX_TICKS or head.first_tick > MAX_TICKS:
         raise BitstreamError(f"{head.ticks} ticks from {head.first_tick}", section="F5", bit=104)
     return head

@@ -18,12 +18,7 @@ from codec.cues.timeline import TICKS, ScoreLine
 from codec.errors import BitstreamError
 from codec.superframe._kernels import POSITION
 from codec.superframe.range_coder import FLIP, RangeDecoder, RangeEncoder, cumulative
-from codec.superframe.score_coding import (
-    AS_RULED,
-    PLAIN_OR_SPECIAL,
-    read_options,
-    write_options,
-)
+from codec.superframe.score_coding import AS_RULED, PLAIN_OR_SPECIAL, read_options, write_options
 from codec.superframe.tables import equal, score_tables
 
 Table = NDArray[np.int64]

@@ -135,9 +135,13 @@ def _record_row(frame: Superframe, part: ScorePart | Window | None) -> dict[str,
     """Return the fields of a superframe whose file has one score for all."""
     mode = PLAIN if part is None else SCORE
     row: dict[str, Any] = {
-        "index": frame.index, "start_s": round(frame.index * SUPERFRAME_S, 2),
-        "l0_bytes": len(frame.l0), "l1_bytes": 0, "intact": True, "mode": MODES[mode],
-    }  # fmt: skip
+        "index": frame.index,
+        "start_s": round(frame.index * SUPERFRAME_S, 2),
+        "l0_bytes": len(frame.l0),
+        "l1_bytes": 0,
+        "intact": True,
+        "mode": MODES[mode],
+    }
     setting = read_setting(RangeDecoder(frame.l0), mode)
     return row | _said(setting) | _spoken(frame.index, part)
 
@@ -145,10 +149,12 @@ def _record_row(frame: Superframe, part: ScorePart | Window | None) -> dict[str,
 def _said(setting: Setting) -> dict[str, Any]:
     return {
         "step": None if setting.step == NO_RESIDUAL else round(width_mm(setting.step), 2),
-        "basis": BASES[setting.basis], "raised": LEVELS[setting.level],
-        "course": setting.course, "shift_ticks": SHIFTS[setting.shift],
+        "basis": BASES[setting.basis],
+        "raised": LEVELS[setting.level],
+        "course": setting.course,
+        "shift_ticks": SHIFTS[setting.shift],
         "shares": [SHARES[share] for share in setting.shares],
-    }  # fmt: skip
+    }
 
 
 def _spoken(index: int, part: ScorePart | Window | None) -> dict[str, Any]:

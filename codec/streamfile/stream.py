@@ -125,9 +125,14 @@ def encode_stream(
     b'CUES'
     """
     return choose_stream(
-        motion, voice, rate_bps=rate_bps, error_mm=error_mm, constant=constant, score=score,
+        motion,
+        voice,
+        rate_bps=rate_bps,
+        error_mm=error_mm,
+        constant=constant,
+        score=score,
         options=options,
-    ).data  # fmt: skip
+    ).data
 
 
 def choose_stream(
@@ -307,9 +312,13 @@ def decode_stream(data: bytes, voice: Voice) -> Motion:
     params = np.concatenate(blocks).clip(-MOST_PARAM, MOST_PARAM)
     skip = head.first_tick % TICKS
     return Motion(
-        params[skip : skip + head.ticks].astype(np.float32), RATE_HZ, head.first_tick * TICK_S,
-        voice.layout, voice.identity, score,
-    )  # fmt: skip
+        params[skip : skip + head.ticks].astype(np.float32),
+        RATE_HZ,
+        head.first_tick * TICK_S,
+        voice.layout,
+        voice.identity,
+        score,
+    )
 
 
 def _drawn(data: bytes, voice: Voice) -> tuple[Sequence[Array], Score | None]:

@@ -27,14 +27,7 @@ from codec.superframe.fitting import NOMINAL_MM, fits
 from codec.superframe.merging import MergedScore, join_line
 from codec.superframe.payload import payload_of
 from codec.superframe.plan import SuperframePlan, plan_of
-from codec.superframe.quantise import (
-    NO_RESIDUAL,
-    NOTHING_SENT,
-    STEPS,
-    WEIGHT,
-    Setting,
-    width_mm,
-)
+from codec.superframe.quantise import NO_RESIDUAL, NOTHING_SENT, STEPS, WEIGHT, Setting, width_mm
 from codec.superframe.score_coding import part_of
 
 Array = NDArray[np.float64]
@@ -114,9 +107,13 @@ class SpreadMotion:
     """
 
     def __init__(
-        self, motion: Motion, voice: Voice, indices: range, options: CueingOptions,
+        self,
+        motion: Motion,
+        voice: Voice,
+        indices: range,
+        options: CueingOptions,
         progress: Progress = silent,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.progress = progress
         self.indices, self.voice, self.coding = indices, voice, coding_for(voice)
         self.blocks = np.empty((len(indices), TICKS, motion.params.shape[1]))
@@ -251,9 +248,13 @@ class Version:
         predict = partial(learner.params, analysis.index)
         for fitted in fits(block, predict, coding, width):
             way = replace(
-                analysis, header=header, lacking=fitted.lacking, course=fitted.course,
-                shift=fitted.shift, shares=fitted.shares,
-            )  # fmt: skip
+                analysis,
+                header=header,
+                lacking=fitted.lacking,
+                course=fitted.course,
+                shift=fitted.shift,
+                shares=fitted.shares,
+            )
             choice = bare.choice if way.unpredicted else choose(way, coding.bases, step)
             ways.append(_Part(plan_of(way, {}), choice))
         return ways

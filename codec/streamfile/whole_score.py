@@ -138,9 +138,11 @@ class WholeResynthesis:
             first = chunk * _CHUNK * TICKS - self._margin
             some, way = self._course(first, _CHUNK * TICKS + 2 * self._margin, course)
             return way.moved(
-                self._held[some], self._targets.lateness, distance=self._distance[some],
+                self._held[some],
+                self._targets.lateness,
+                distance=self._distance[some],
                 arc=self._targets.moving_arc,
-            )  # fmt: skip
+            )
 
         return _kept(self._moved, (chunk, course), made)
 

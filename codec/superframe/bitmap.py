@@ -118,8 +118,9 @@ def _l0(l0: bytes) -> Iterator[Field]:
     yield Field("L0", rest, place, end - place, "", "R6" if rest == "unused" else "C5")
     identity = IDENTITY_BITS if compact else 0
     for name, width, paragraph in (
-        ("identity", identity, "M2"), ("proof", header.tail - identity, "H12")
-    ):  # fmt: skip
+        ("identity", identity, "M2"),
+        ("proof", header.tail - identity, "H12"),
+    ):
         if width:
             yield Field("L0", name, end, width, str(bits[end : end + width].uint), paragraph)
             end += width

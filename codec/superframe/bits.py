@@ -186,9 +186,13 @@ def read_header(l0: bytes) -> Header:
         return Header(COMPACT, fields["sequence"], COMPACT_LEAD, bool(fields["signed"]))
     fields = unpack_fields(HEADER_FIELDS, l0[:HEADER_BYTES])
     return Header(
-        fields["mode"], fields["sequence"], fields["lead"], bool(fields["signed"]),
-        fields["slow"], bool(fields["filmed"]),
-    )  # fmt: skip
+        fields["mode"],
+        fields["sequence"],
+        fields["lead"],
+        bool(fields["signed"]),
+        fields["slow"],
+        bool(fields["filmed"]),
+    )
 
 
 def version_of(l0: bytes) -> int:

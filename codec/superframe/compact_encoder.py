@@ -79,7 +79,12 @@ class CompactEncoder:
             self._score = motion.score
             line = to_line(motion.score, self._options)
             self._writer = WindowWriter(
-                line, self._options, self._coding.identity, self._size, first=self._first,
-                signed=self._signed, slow=self._slow,
-            )  # fmt: skip
+                line,
+                self._options,
+                self._coding.identity,
+                self._size,
+                first=self._first,
+                signed=self._signed,
+                slow=self._slow,
+            )
         return Superframe(index, self._writer.l0(index), b"")

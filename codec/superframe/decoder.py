@@ -128,8 +128,9 @@ class SuperframeDecoder:
             raise BitstreamError(
                 f"sequence number {header.sequence}, superframe {index} has "
                 f"{index % header.sequences}",
-                section="H4", bit=4,
-            )  # fmt: skip
+                section="H4",
+                bit=4,
+            )
         content, known = read_l0(l0, self._coding.bases, self._coding.language)
         if l1:
             try:

@@ -9,12 +9,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.errors import CueError
-from codec.superframe.allocation import (
-    allocate,
-    choose,
-    content_at,
-    without_coefficients,
-)
+from codec.superframe.allocation import allocate, choose, content_at, without_coefficients
 from codec.superframe.analysis import Analysis, Analyst
 from codec.superframe.checks import MIN_L0_BYTES, SIGNED_BYTES
 from codec.superframe.coding import coding_for

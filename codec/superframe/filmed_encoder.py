@@ -204,9 +204,13 @@ class FilmedEncoder:
             found = refined(error, predicted, setting, own.content.q, self._coding.bases, bits)
             for one in [one for one in found if one.error < least][:_WRITTEN]:
                 content = Content(
-                    analysis.header, one.setting, analysis.part, one.q, own.content.previews,
+                    analysis.header,
+                    one.setting,
+                    analysis.part,
+                    one.q,
+                    own.content.previews,
                     analysis.slow,
-                )  # fmt: skip
+                )
                 written = self._written(content, analysis)
                 if written is None:
                     continue

@@ -30,19 +30,8 @@ from codec.superframe.checks import (
 )
 from codec.superframe.labels import OWN, read_labels, write_labels
 from codec.superframe.preview import Preview, part_of_preview, read_previews, write_previews
-from codec.superframe.quantise import (
-    NO_RESIDUAL,
-    NOTHING_SENT,
-    Setting,
-    basis_of,
-    raised,
-)
-from codec.superframe.range_coder import (
-    FLIP,
-    RangeDecoder,
-    RangeEncoder,
-    encode_intervals,
-)
+from codec.superframe.quantise import NO_RESIDUAL, NOTHING_SENT, Setting, basis_of, raised
+from codec.superframe.range_coder import FLIP, RangeDecoder, RangeEncoder, encode_intervals
 from codec.superframe.score_coding import ScorePart, read_score, write_score
 from codec.superframe.settings import put_setting, read_setting
 from codec.superframe.tables import coefficient_tables, score_tables
@@ -204,9 +193,10 @@ def _l0_code(content: Content, bases: Bases, *, even: bool, last: int | None = N
     more_starts, more_freqs, ends = coefficient_code(content.q, 0, content.setting, basis)
     end = None if last is None else int(ends[last])
     return encode_intervals(
-        np.concatenate([starts, more_starts[:end]]), np.concatenate([freqs, more_freqs[:end]]),
+        np.concatenate([starts, more_starts[:end]]),
+        np.concatenate([freqs, more_freqs[:end]]),
         certain=True,
-    )  # fmt: skip
+    )
 
 
 def _agrees(decoder: RangeDecoder, content: Content) -> bool:
@@ -328,8 +318,9 @@ def read_l1(l0: bytes, l1: bytes, content: Content, known: int, bases: Bases) ->
     if _l1_check(l0, body) != check:
         raise BitstreamError(
             f"L1 checksum {_l1_check(l0, body):#04x}, stated {check:#04x}",
-            section="H7", bit=8 * len(body),
-        )  # fmt: skip
+            section="H7",
+            bit=8 * len(body),
+        )
     q = content.q.copy()
     if content.setting.step != NO_RESIDUAL:
         basis = basis_of(bases, content.setting)

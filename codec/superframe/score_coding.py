@@ -81,9 +81,14 @@ class ScorePart:
         """Return the part without its last phone."""
         overrides = {k: v for k, v in self.overrides.items() if k < self.starts[-1]}
         return ScorePart(
-            self.first, self.first_end, self.numbers[:-1], self.starts[:-1], 0, self.options,
+            self.first,
+            self.first_end,
+            self.numbers[:-1],
+            self.starts[:-1],
+            0,
+            self.options,
             overrides,
-        )  # fmt: skip
+        )
 
     def key_starts(self) -> list[int]:
         """Return the starts of the keys that begin within the superframe."""

@@ -86,10 +86,13 @@ class Basis:
         known = [block for block in (before, after) if block is not None]
         if not known:
             return np.zeros((TICKS, len(self.matrix)))
-        times = np.concatenate([
-            np.arange(TICKS) + shift
-            for block, shift in ((before, -TICKS), (after, TICKS)) if block is not None
-        ])  # fmt: skip
+        times = np.concatenate(
+            [
+                np.arange(TICKS) + shift
+                for block, shift in ((before, -TICKS), (after, TICKS))
+                if block is not None
+            ]
+        )
         channels = np.concatenate(known) @ self.matrix
         lags_in = np.abs(times[:, None] - times)
         lags_out = np.abs(np.arange(TICKS)[:, None] - times)

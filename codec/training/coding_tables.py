@@ -117,11 +117,13 @@ def _lacking(
     targets: Targets, blocks: Sequence[Array], parts: Sequence[dict[int, ScorePart]]
 ) -> Array:
     """Return what resynthesis lacks in each superframe, shape (N, 32, P)."""
-    return np.concatenate([
-        block - Resynthesis(near(known, k), targets, k * TICKS, TICKS).params()[None]
-        for b, known in zip(blocks, parts, strict=True)
-        for k, block in enumerate(np.split(b, len(b)))
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            block - Resynthesis(near(known, k), targets, k * TICKS, TICKS).params()[None]
+            for b, known in zip(blocks, parts, strict=True)
+            for k, block in enumerate(np.split(b, len(b)))
+        ]
+    )
 
 
 def _basis(metric: Array, blocks: Array) -> Basis:
@@ -160,9 +162,13 @@ def _targets(
         np.column_stack([carrier, bend]), forearm, np.vstack([straight, np.zeros(len(prior.arc))])
     )
     return replace(
-        prior, hand=_solve(fingers, hand, prior.hand), head=_solve(turned, head, prior.head),
-        forearm=both[:-1], arc=both[-1], face=_solve(phones, face, prior.face),
-    )  # fmt: skip
+        prior,
+        hand=_solve(fingers, hand, prior.hand),
+        head=_solve(turned, head, prior.head),
+        forearm=both[:-1],
+        arc=both[-1],
+        face=_solve(phones, face, prior.face),
+    )
 
 
 @dataclass(frozen=True, slots=True)

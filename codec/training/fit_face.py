@@ -114,9 +114,12 @@ def _fit_throat(
     full = np.column_stack([np.ones(len(points)), scores])
     for marker in THROAT_COLUMNS:
         found = least_squares(
-            misfit, np.clip(weights[marker], 0.01, _MAX_WEIGHT - 0.01),
-            bounds=(0.0, _MAX_WEIGHT), args=(marker,), max_nfev=30,
-        )  # fmt: skip
+            misfit,
+            np.clip(weights[marker], 0.01, _MAX_WEIGHT - 0.01),
+            bounds=(0.0, _MAX_WEIGHT),
+            args=(marker,),
+            max_nfev=30,
+        )
         weights[marker] = found.x
         still = _without_motion(points[:, marker, None], motion, weights[None, marker])[:, 0]
         coefficients = np.linalg.lstsq(full, still, rcond=None)[0]

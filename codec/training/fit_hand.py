@@ -117,9 +117,10 @@ def _jointly(
         model, parameters = _standardised(model, parameters)
         still = rigid.inverse_rigid_motion(world - pivot, model.motion(parameters[:, n:]))
         angles = Components(
-            model.angle_mean.astype(np.float64), model.angle_directions.astype(np.float64),
+            model.angle_mean.astype(np.float64),
+            model.angle_directions.astype(np.float64),
             np.zeros(n),
-        )  # fmt: skip
+        )
         model = _regressed(still, seen, parameters[:, :n], angles, pivot, carrier)
         parameters = invert(model, world, seen, parameters)
     model, parameters = _standardised(model, parameters)

@@ -44,14 +44,17 @@ def add_text(parser: argparse.ArgumentParser) -> None:
     """Add the choice between a text and a file of subtitles."""
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
-        "text", nargs="?", metavar="TEXT",
+        "text",
+        nargs="?",
+        metavar="TEXT",
         help=f"French text; {REST_S:g} s of rest come first: the hand rises",
-    )  # fmt: skip
+    )
     source.add_argument(
-        "--file", metavar="SUBS",
+        "--file",
+        metavar="SUBS",
         help="subtitles; - reads a pipe; an X-TIMESTAMP-MAP of WebVTT is of the programme's clock "
         "and followed beside the programme alone, by dub",
-    )  # fmt: skip
+    )
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -60,86 +63,110 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--lexicon", metavar="FILE", help="words with their phones, one a line")
     group.add_argument("--liaison", choices=("obligatory", "none"), default="obligatory")
     group.add_argument(
-        "--final-schwa", choices=("none", "cluster", "cluster-pause", "all"), default="cluster",
+        "--final-schwa",
+        choices=("none", "cluster", "cluster-pause", "all"),
+        default="cluster",
         help="when a final mute e is spoken",
-    )  # fmt: skip
+    )
     for vowel, name in (("œ̃", "un"), ("pronounced ə", "schwa"), ("œ", "oe")):
         group.add_argument(
             f"--{name}", metavar="PLACEMENT", help=f"placement of {vowel}, such as cheek"
         )
     group.add_argument(
-        "--rest-gap", type=not_negative, metavar="S",
+        "--rest-gap",
+        type=not_negative,
+        metavar="S",
         help="silence after which the hand rests, 0.5 by default",
-    )  # fmt: skip
+    )
 
 
 def add_subtitle_terms(parser: argparse.ArgumentParser) -> None:
     """Add the terms of reading subtitles."""
     group = parser.add_argument_group("how subtitles are read")
     group.add_argument(
-        "--strict", action="store_true",
+        "--strict",
+        action="store_true",
         help="refuse a file with a bad subtitle (default: it is skipped and reported)",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--offset", type=seconds, metavar="S",
+        "--offset",
+        type=seconds,
+        metavar="S",
         help="added to the times of the subtitles, negative for earlier (default: the file's own "
         "hints give the programme's start, such as a tape's ten o'clock)",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--everything", action="store_true",
+        "--everything",
+        action="store_true",
         help="cue credits and other languages as well, by the rules of French",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--subtitle-profile", choices=("fr-sdh", "plain"), default="fr-sdh",
+        "--subtitle-profile",
+        choices=("fr-sdh", "plain"),
+        default="fr-sdh",
         help="fr-sdh: red names sounds, magenta music, green a foreign language, which are not "
         "cued (default); plain: colours mean nothing",
-    )  # fmt: skip
+    )
 
 
 def add_pace(parser: argparse.ArgumentParser) -> None:
     """Add the cuer's own clock."""
     group = parser.add_argument_group("how fast the cuer cues")
     group.add_argument(
-        "--pace", choices=("readable", "sync"),
+        "--pace",
+        choices=("readable", "sync"),
         help="readable: so that a viewer can follow, behind the speaker where that needs time "
         "(default); sync: lips and hand in step with the speaker, for close-ups (default where a "
         "recording is followed or speech is made)",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--max-lag", type=not_negative, default=1.5, metavar="S",
+        "--max-lag",
+        type=not_negative,
+        default=1.5,
+        metavar="S",
         help="how far she may be behind the programme, 1.5 s by default",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--keys-per-second", type=positive, default=4.0, metavar="N",
+        "--keys-per-second",
+        type=positive,
+        default=4.0,
+        metavar="N",
         help="rate to aim at, 4 by default, never exceeded by more than a quarter; "
         "words without room are left out, the least important first",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--syllables-per-second", type=positive, default=2.5, metavar="N",
+        "--syllables-per-second",
+        type=positive,
+        default=2.5,
+        metavar="N",
         help="as slow as she goes where there is time, 2.5 by default",
-    )  # fmt: skip
+    )
 
 
 def add_alignment(parser: argparse.ArgumentParser) -> None:
     """Add ``--alignment``."""
     parser.add_argument(
-        "--alignment", choices=("attina", "paper"), default="attina",
+        "--alignment",
+        choices=("attina", "paper"),
+        default="attina",
         help="when the hand is on target: early in the consonant as Attina (2005) measured it, "
         "or in its middle as Gibert, Bailly, Elisei (2004) chose",
-    )  # fmt: skip
+    )
 
 
 def add_motion(parser: argparse.ArgumentParser) -> None:
     """Add how the cuer's motion is made."""
     parser.add_argument(
-        "--method", choices=("rules", "units"),
+        "--method",
+        choices=("rules", "units"),
         help="rule-based gestures, or joined from recorded units",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--units", metavar="SPEAKER",
+        "--units",
+        metavar="SPEAKER",
         help="who speaks: margot, a reader of LibriVox (default), espeak, or a folder that "
         "`voice build` made of a speaker",
-    )  # fmt: skip
+    )
     add_alignment(parser)
 
 

@@ -53,13 +53,17 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line."""
     common = _Parser(add_help=False)
     common.add_argument(
-        "--debug", action="store_true", default=argparse.SUPPRESS,
+        "--debug",
+        action="store_true",
+        default=argparse.SUPPRESS,
         help="show a trace with an error message",
-    )  # fmt: skip
+    )
     common.add_argument(
-        "--cache", metavar="DIR", default=argparse.SUPPRESS,
+        "--cache",
+        metavar="DIR",
+        default=argparse.SUPPRESS,
         help="keep compiled code in DIR, a folder that only you can write",
-    )  # fmt: skip
+    )
     parser = _Parser(
         prog="cuecast",
         description="A virtual Cued Speech interpreter inside ordinary television.",

@@ -43,8 +43,11 @@ _TAKES: dict[str, dict[str, Kind]] = {
 """What each verb takes, by argument."""
 
 _NO_TEXT: dict[str, tuple[str, ...]] = {
-    "dub": ("subtitles",), "playout": ("subtitles",), "keys": ("file",), "synth": ("file",),
-}  # fmt: skip
+    "dub": ("subtitles",),
+    "playout": ("subtitles",),
+    "keys": ("file",),
+    "synth": ("file",),
+}
 """Arguments that take subtitles: text of some kind, and none of the kinds above."""
 
 _HEAD_BYTES = 512

@@ -15,12 +15,17 @@ def seconds_bar(total_s: float | None, label: str) -> Iterator[Callable[[float],
     from tqdm import tqdm
 
     with tqdm(
-        total=None if total_s is None else round(total_s, 2), desc=label, unit="s",
-        file=sys.stderr, disable=None, leave=False, dynamic_ncols=True,
+        total=None if total_s is None else round(total_s, 2),
+        desc=label,
+        unit="s",
+        file=sys.stderr,
+        disable=None,
+        leave=False,
+        dynamic_ncols=True,
         bar_format="{l_bar}{bar}| {n:.0f}/{total:.0f} s, {rate_fmt}"
         if total_s
         else "{desc}: {n:.0f} s [{elapsed}, {rate_fmt}]",
-    ) as bar:  # fmt: skip
+    ) as bar:
         yield lambda seconds: (bar.update(seconds), None)[1]
 
 

@@ -31,10 +31,12 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     whose.add_argument("--verify", metavar="PUBLIC", help="report whether the cues are of this key")
     whose.add_argument("--trust", metavar="PUBLIC", help="show only cues verified by this key")
     parser.add_argument(
-        "--late", type=positive, metavar="S",
+        "--late",
+        type=positive,
+        metavar="S",
         help=f"how old verified cues may be where the time is known: {LIVE_S:.0f} s by default, "
         f"{STREAM_S:.0f} s by HTTP; who can hold a programme back for less can forge it",
-    )  # fmt: skip
+    )
 
 
 def trust_of(args: argparse.Namespace, *, live: bool = False) -> "Trust | None":

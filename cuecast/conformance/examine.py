@@ -88,9 +88,12 @@ def _give_voice(program: Program, folder: Path) -> None:
     save_voice(voice, folder / "voice.npz")
     save_coding(coding_for(voice), folder / "coding.npz")
     answer = program.ask(
-        "voice", binary=str(folder / "voice.bin"), voice=str(folder / "voice.npz"),
-        coding=str(folder / "coding.npz"), identity=coding_for(voice).identity,
-    )  # fmt: skip
+        "voice",
+        binary=str(folder / "voice.bin"),
+        voice=str(folder / "voice.npz"),
+        coding=str(folder / "coding.npz"),
+        identity=coding_for(voice).identity,
+    )
     if answer.get("loaded") is not True:
         raise CueError(f"{program.name}: the voice was not loaded: {answer}")
 

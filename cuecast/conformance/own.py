@@ -45,10 +45,15 @@ class Own:
         self._decoders: dict[bool, SuperframeDecoder] = {}
         self._seen: dict[int, DecodedSuperframe] = {}
         self.requests: dict[str, Callable[[Answer], Answer]] = {
-            "hello": self.hello, "voice": self.voice, "bases": self.bases,
-            "superframe": self.superframe, "reset": self.reset, "push": self.push,
-            "draw": self.draw, "file": self.file,
-        }  # fmt: skip
+            "hello": self.hello,
+            "voice": self.voice,
+            "bases": self.bases,
+            "superframe": self.superframe,
+            "reset": self.reset,
+            "push": self.push,
+            "draw": self.draw,
+            "file": self.file,
+        }
 
     def hello(self, _: Answer) -> Answer:
         """Return what this decoder does."""
@@ -168,12 +173,14 @@ def stated(content: Content, bases: Bases, proof: int) -> Answer:
         )
     return {
         "valid": True,
-        "header": [
-            header.mode, header.sequence, header.lead, int(header.signed), proof,
-        ],
+        "header": [header.mode, header.sequence, header.lead, int(header.signed), proof],
         "slow": list(content.slow),
         "setting": [
-            setting.step, setting.basis, setting.level, setting.course, setting.shift,
+            setting.step,
+            setting.basis,
+            setting.level,
+            setting.course,
+            setting.shift,
             *setting.shares,
         ],
         "score": score_words(None if header.filmed else content.part),
@@ -182,7 +189,7 @@ def stated(content: Content, bases: Bases, proof: int) -> Answer:
         },
         "indices": {str(i): int(q) for i, q in enumerate(indices) if q},
         "values": {str(i): int(v) for i, v in enumerate(values) if v},
-    }  # fmt: skip
+    }
 
 
 def score_words(part: ScorePart | Window | None) -> Answer | None:
@@ -191,16 +198,20 @@ def score_words(part: ScorePart | Window | None) -> Answer | None:
         return None
     cheek = [int(x == "cheek") for x in (part.options.un, part.options.schwa, part.options.oe)]
     both: Answer = {
-        "numbers": list(part.numbers), "starts": list(part.starts), "cheek": cheek,
+        "numbers": list(part.numbers),
+        "starts": list(part.starts),
+        "cheek": cheek,
         "rest_gap": REST_GAPS_S.index(part.options.rest_gap_s),
-    }  # fmt: skip
+    }
     if isinstance(part, Window):
         return both | {"begin": part.begin, "end": part.end}
     overrides = {str(k): list(v) for k, v in part.overrides.items()}
     return both | {
-        "first": part.first, "first_end": part.first_end, "ahead": part.ahead,
+        "first": part.first,
+        "first_end": part.first_end,
+        "ahead": part.ahead,
         "overrides": overrides,
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

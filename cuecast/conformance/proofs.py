@@ -23,15 +23,22 @@ def examine_proofs(program: Program, document: dict[str, Any]) -> Iterator[CaseV
         kind = case["id"].split("-")[0]
         if kind == "step":
             answer = program.ask(
-                "step", channel=document["channel"], period=case["period"], width=case["width"],
-                block=case["block"], key=case["key"],
-            )  # fmt: skip
+                "step",
+                channel=document["channel"],
+                period=case["period"],
+                width=case["width"],
+                block=case["block"],
+                key=case["key"],
+            )
             expected = {"before": case["before"]}
         elif kind == "tag":
             answer = program.ask(
-                "tag", channel=document["channel"], key=case["key"], distance=case["distance"],
+                "tag",
+                channel=document["channel"],
+                key=case["key"],
+                distance=case["distance"],
                 covered=case["covered"],
-            )  # fmt: skip
+            )
             expected = {"tag": case["tag"]}
         elif kind == "checks":
             tags = [_LOST if tag is None else tag for tag in case["tags"]]
@@ -65,9 +72,13 @@ def _statuses(program: Program, case: dict[str, Any], streams: dict[str, Any]) -
         covered[0] ^= at in case["changed"]
         number, age_s = case["first"] + at, case["ages_s"][-1 if at in case["aged"] else 0]
         program.ask(
-            "proof", index=number, covered=covered.hex(), field=field, width=case["width"],
+            "proof",
+            index=number,
+            covered=covered.hex(),
+            field=field,
+            width=case["width"],
             utc_ms=round(1000 * (time_of(number) + age_s)),
-        )  # fmt: skip
+        )
     found = program.ask("verdicts").get("statuses", {})
     return "".join(
         _LETTERS.get(found.get(str(case["first"] + at), ""), "-")

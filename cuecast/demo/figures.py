@@ -97,8 +97,9 @@ def draw_keys(path: Path, sent: Motion, received: Motion) -> None:
     figure = matplotlib.figure.Figure(figsize=(12, 6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     for motion, level, colour, label in (
-        (sent, 0.18, "tab:blue", "sent"), (received, -0.18, "tab:orange", "received"),
-    ):  # fmt: skip
+        (sent, 0.18, "tab:blue", "sent"),
+        (received, -0.18, "tab:orange", "received"),
+    ):
         for key in motion.score.keys if motion.score else ():
             _draw_key(above, key, level, colour)
         above.plot([], [], color=colour, linewidth=6, label=label)

@@ -72,9 +72,13 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     duration_s = len(sound) / FS
     (folder / "programme.srt").write_text(as_srt(subtitles), encoding="utf-8")
     write_film(
-        folder / "programme.mkv", sound, FS, encoder="flac",
-        pictures=make_pictures(duration_s), picture_rate=PICTURE_RATE,
-    )  # fmt: skip
+        folder / "programme.mkv",
+        sound,
+        FS,
+        encoder="flac",
+        pictures=make_pictures(duration_s),
+        picture_rate=PICTURE_RATE,
+    )
     pace = PaceReport(warn=say)
     reading = Reading(pace=READABLE, performing=PerformerChoice(seed=seed))
     score = score_of_subtitles(subtitles, reading=reading, on_word=pace)

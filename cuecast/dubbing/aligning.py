@@ -15,12 +15,7 @@ from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.language.subtitles import Subtitle
 from synth.planning.alignment.recogniser import FS
 from synth.planning.alignment.runs import LONGEST_TEXT_S
-from synth.planning.alignment.score import (
-    Judged,
-    Judgement,
-    align,
-    phones_of_recording,
-)
+from synth.planning.alignment.score import Judged, Judgement, align, phones_of_recording
 from synth.planning.alignment.sound import mono
 from synth.planning.scoring.text_score import PLAIN, OnWord, Reading, ignore_word, in_pieces
 
@@ -47,12 +42,13 @@ class Confidence:
             "confidence": round(float(np.median(sure)), 2) if sure else 0.0,
             "subtitles": [
                 {
-                    "start": item.subtitle.start_s, "line": item.subtitle.line,
+                    "start": item.subtitle.start_s,
+                    "line": item.subtitle.line,
                     "confidence": round(item.confidence, 2),
                 }
                 for item in self._judged
             ],
-        }  # fmt: skip
+        }
 
     def __str__(self) -> str:
         """Return one line for the reader of the command line."""

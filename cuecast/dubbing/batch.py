@@ -44,9 +44,12 @@ def run_task(task: Task) -> dict[str, Any]:
         from cuecast.dubbing.job import job_of, run_job
 
         args = argparse.Namespace(
-            programme=task.programme, output=str(made), subtitles=task.subtitles or None,
-            motion=task.motion or None, **task.options,
-        )  # fmt: skip
+            programme=task.programme,
+            output=str(made),
+            subtitles=task.subtitles or None,
+            motion=task.motion or None,
+            **task.options,
+        )
         with redirect_stderr(notes):
             report = run_job(job_of(args))
         return report | {"notes": notes.getvalue().splitlines()}
@@ -68,9 +71,11 @@ def _row(
     task: Task, status: str, error: str = "", record: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     row = {
-        "programme": task.programme, "output": task.output, "status": status,
+        "programme": task.programme,
+        "output": task.output,
+        "status": status,
         "error": " ".join(error.split()),
-    }  # fmt: skip
+    }
     if record is None:
         return row
     audio = record["carriers"].get("audio", {})

@@ -186,11 +186,16 @@ def dub(
                 ),
                 target,
                 PictureOptions(
-                    picture, options.key, options.video_codec, options.video_bit_rate,
+                    picture,
+                    options.key,
+                    options.video_codec,
+                    options.video_bit_rate,
                     options.video_through,
                 ),
-                sent=sent, progress=advance, tell=told.append,
-            )  # fmt: skip
+                sent=sent,
+                progress=advance,
+                tell=told.append,
+            )
             report = report or _picture_report(seconds)
     report["left_out"] += told
     report |= _told_keys(motion.score.keys, report["duration_s"])
@@ -237,10 +242,15 @@ def _told_keys(keys: Sequence[Key], duration_s: float) -> dict[str, Any]:
 
 
 def _read_back(
-    programme: str | os.PathLike[str], target: str | os.PathLike[str], motion: MotionSource,
-    voice: Voice, options: DubOptions, sent: Sent, report: dict[str, Any],
+    programme: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    motion: MotionSource,
+    voice: Voice,
+    options: DubOptions,
+    sent: Sent,
+    report: dict[str, Any],
     progress: Callable[[float], None],
-) -> None:  # fmt: skip
+) -> None:
     """Add a receiver's findings in the output to the report."""
     carriers = report["carriers"]
     report["read_back"] = read_back(
@@ -286,18 +296,28 @@ def _dub_sound(
         source = sent.noting("audio", source, first)
         stages.append(
             MarkingStage(
-                sound, source, name=os.fspath(programme), profile=profile.name,
-                key=options.key, grade=options.grade, graded=options.graded,
+                sound,
+                source,
+                name=os.fspath(programme),
+                profile=profile.name,
+                key=options.key,
+                grade=options.grade,
+                graded=options.graded,
                 rehearsal=rehearsal,
             )
-        )  # fmt: skip
+        )
         begins_s.append(max(first * SUPERFRAME_S, start_s))
         return _From(stages[-1], round((begins_s[0] - start_s) * sound.fs))
 
     written = rewrite_sound(
-        programme, target, make_stage, track=options.track, codec=options.audio_codec,
-        bit_rate=options.audio_bit_rate, progress=progress,
-    )  # fmt: skip
+        programme,
+        target,
+        make_stage,
+        track=options.track,
+        codec=options.audio_codec,
+        bit_rate=options.audio_bit_rate,
+        progress=progress,
+    )
     report = {
         "duration_s": round(written.duration_s, 3),
         "superframes": stages[0].superframes,
@@ -312,19 +332,24 @@ def _dub_sound(
     sent.silent = [(a, b) for a, b in figures["silent_s"]]
     if margins := stages[0].margins():
         figures["margin"] = margin_figures(
-            margins, begins_s[0],
+            margins,
+            begins_s[0],
             through=options.through or USUAL[profile.name],
             profile=profile.name,
             grade=profile.grade if options.grade is None else options.grade,
-        )  # fmt: skip
+        )
     return report, figures
 
 
 def _picture_report(seconds: list[float]) -> dict[str, Any]:
     duration_s = math.fsum(seconds)
     superframes = int(duration_s / SUPERFRAME_S)
-    return {"duration_s": round(duration_s, 3), "superframes": superframes, "left_out": [],
-            "changed": []}  # fmt: skip
+    return {
+        "duration_s": round(duration_s, 3),
+        "superframes": superframes,
+        "left_out": [],
+        "changed": [],
+    }
 
 
 def superframe_source(
@@ -342,9 +367,14 @@ def superframe_source(
 
 
 def _unsigned_source(
-    motion: MotionSource, voice: Voice, l0_bytes: int, l1_bytes: int, first: int,
-    beside: AudioProfile, signed: bool,
-) -> Callable[[int], tuple[bytes, bytes]]:  # fmt: skip
+    motion: MotionSource,
+    voice: Voice,
+    l0_bytes: int,
+    l1_bytes: int,
+    first: int,
+    beside: AudioProfile,
+    signed: bool,
+) -> Callable[[int], tuple[bytes, bytes]]:
     """Return the source of superframes, with room for a proof if they will be signed."""
     nests = l0_bytes == beside.l0_bytes and l1_bytes >= 2 * (beside.l0_bytes + beside.l1_bytes)
     fine_bytes = l1_bytes - l0_bytes if nests else l1_bytes

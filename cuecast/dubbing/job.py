@@ -17,13 +17,7 @@ from cuecast.command.progress import note, seconds_bar
 from cuecast.command.trust import seconds_of
 from cuecast.command.voices import coding_voice
 from cuecast.dubbing.dub import PROFILES, DubOptions, dub
-from cuecast.dubbing.inputs import (
-    LeftOutNotes,
-    reading_of,
-    subtitles_of,
-    terms_of,
-    unknown_report,
-)
+from cuecast.dubbing.inputs import LeftOutNotes, reading_of, subtitles_of, terms_of, unknown_report
 from cuecast.dubbing.margin_report import NOT_REHEARSED, in_words
 from cuecast.dubbing.motions import (
     ConcatenativeMotion,
@@ -223,9 +217,10 @@ def _tell(report: dict[str, Any]) -> None:
 def _elsewhere(keys: dict[str, Any]) -> str:
     """Return in words what became of the keys that no superframe could hold."""
     reasons = {
-        "before_the_first": "before the first superframe", "in_silence": "in silence",
+        "before_the_first": "before the first superframe",
+        "in_silence": "in silence",
         "after_the_last": "after the last superframe",
-    }  # fmt: skip
+    }
     found = keys["not_on_air"]
     words = [f"{found[name]} {where}" for name, where in reasons.items() if found[name]]
     return f"; {keys['outside']} not on air: {', '.join(words)}" if words else ""
@@ -259,9 +254,14 @@ def _motion(
 
         confidence = Confidence()
         score = aligned_score(
-            subtitles, job.programme, track=job.options.track, reading=reading, warn=tell,
-            judged=confidence, on_word=pace,
-        )  # fmt: skip
+            subtitles,
+            job.programme,
+            track=job.options.track,
+            reading=reading,
+            warn=tell,
+            judged=confidence,
+            on_word=pace,
+        )
         tell(str(confidence))
         said |= {"alignment": confidence.report()}
     else:
@@ -296,10 +296,7 @@ def _source(job: DubJob, score: Score, voice: Voice) -> MotionSource:
 
 
 def _subtitles(
-    job: DubJob,
-    stream_s: float | None,
-    length_s: float | None,
-    left_out: LeftOutNotes,
+    job: DubJob, stream_s: float | None, length_s: float | None, left_out: LeftOutNotes
 ) -> list[Subtitle]:
     """Return the subtitles, from a file or from the programme itself."""
     if job.subtitles is not None:

@@ -107,9 +107,11 @@ class BatchItem:
                 if not _is_still(stamp, Path(path)):
                     raise CueError(f"{path}: it changed while it was worked on")
             record = report | {
-                "task": self._told(), "version": installed_version(), "inputs": inputs,
+                "task": self._told(),
+                "version": installed_version(),
+                "inputs": inputs,
                 "output": _stamp(made),
-            }  # fmt: skip
+            }
             write_json(str(self.folder / "record.json"), record)
             (self.folder / "record.json").replace(self.record)
             return self._move(record, made), True

@@ -78,9 +78,14 @@ def dub_picture(
         return list(made.values())
 
     form = rewrite_picture(
-        programme, target, make_stages, codec=options.codec, bit_rate=options.bit_rate,
-        progress=progress, tell=tell,
-    )  # fmt: skip
+        programme,
+        target,
+        make_stages,
+        codec=options.codec,
+        bit_rate=options.bit_rate,
+        progress=progress,
+        tell=tell,
+    )
     return {name: _figures(name, embedder, form) for name, embedder in made.items()}
 
 

@@ -136,9 +136,11 @@ def read_back(
     for name, checks in wanted.items():
         right = sum(arrived[name].get(index) == check for index, check in checks.items())
         carriers[name] = {
-            "sent": len(checks), "received": right, "lost": len(checks) - right,
+            "sent": len(checks),
+            "received": right,
+            "lost": len(checks) - right,
             "share": round(right / len(checks), 4) if checks else None,
-        }  # fmt: skip
+        }
     on_air = set().union(*wanted.values())
     all_keys = list(keys)
     within = [k for k in all_keys if math.floor(k.start / SUPERFRAME_S) - lead in on_air]
@@ -146,17 +148,21 @@ def read_back(
         "through": through,
         "carriers": carriers,
         "keys": {
-            "sent": len(within), "received": _matching(within, found),
+            "sent": len(within),
+            "received": _matching(within, found),
             "outside": len(all_keys) - len(within),
             "not_on_air": _not_on_air(all_keys, within, lead, sent.silent, on_air),
         },
-    }  # fmt: skip
+    }
 
 
 def _not_on_air(
-    keys: list[Key], within: list[Key], lead: int, silent: list[tuple[float, float]],
+    keys: list[Key],
+    within: list[Key],
+    lead: int,
+    silent: list[tuple[float, float]],
     on_air: set[int],
-) -> dict[str, int]:  # fmt: skip
+) -> dict[str, int]:
     """Count the keys that no superframe could hold, by reason."""
     held, reasons = set(within), {"before_the_first": 0, "in_silence": 0, "after_the_last": 0}
     for key in keys:
@@ -172,9 +178,14 @@ def _not_on_air(
 
 
 def _received(
-    target: Path, heard: Path | None, sent: Sent, voice: Voice, key: int, track: int,
+    target: Path,
+    heard: Path | None,
+    sent: Sent,
+    voice: Voice,
+    key: int,
+    track: int,
     progress: Callable[[float], None],
-) -> tuple[dict[str, dict[int, int]], list[dict[str, Any]]]:  # fmt: skip
+) -> tuple[dict[str, dict[int, int]], list[dict[str, Any]]]:
     """Checksums of what arrives in each carrier, and the keys that a viewer sees.
 
     The sound is that of `target`, or of the file `heard` if it passed a channel.
@@ -219,9 +230,14 @@ def _coded(path: Path, folder: Path, through: str, track: int) -> Path:
         name, _, rate = coder.partition(":")
         target = folder / f"channel-{number}.mka"
         rewrite_sound(
-            path, target, lambda *_: Unchanged(), track=0 if number else track, codec=name,
-            alone=True, bit_rate=int(rate.removesuffix("k")) * 1000,
-        )  # fmt: skip
+            path,
+            target,
+            lambda *_: Unchanged(),
+            track=0 if number else track,
+            codec=name,
+            alone=True,
+            bit_rate=int(rate.removesuffix("k")) * 1000,
+        )
         path = target
     return path
 

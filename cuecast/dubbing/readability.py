@@ -12,14 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import (
-    HELD_S,
-    Classes,
-    Shown,
-    classes_of,
-    peak_speed,
-    shown_keys,
-)
+from codec.analysis.readability import HELD_S, Classes, Shown, classes_of, peak_speed, shown_keys
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Score
@@ -122,9 +115,13 @@ class VisibilityMeter:
         self._waiting = self._waiting[len(ready) :]
         if ready:
             self.shown += shown_keys(
-                markers, Score((), tuple(ready)), self._classes, rate_hz=self._rate_hz,
-                start_s=self._start_s, options=self._options,
-            )  # fmt: skip
+                markers,
+                Score((), tuple(ready)),
+                self._classes,
+                rate_hz=self._rate_hz,
+                start_s=self._start_s,
+                options=self._options,
+            )
         self._peak = max(self._peak, peak_speed(markers, self._rate_hz))
         needed_s = self._end_s - 2 * _AROUND_S
         if self._waiting:
@@ -158,9 +155,7 @@ def share_held(held: NDArray[np.floating], least_s: float) -> float:
 
 
 def watched_plan(
-    score: Score,
-    performing: PerformerChoice = CLAIRE,
-    options: CueingOptions = DEFAULT_OPTIONS,
+    score: Score, performing: PerformerChoice = CLAIRE, options: CueingOptions = DEFAULT_OPTIONS
 ) -> VisibilityMeter:
     """Return the visibility of a score in a rule-based performance.
 

@@ -25,9 +25,13 @@ class Signing:
     """
 
     def __init__(
-        self, key: SigningKey, on_air_s: float, *, kept: int | None = None,
+        self,
+        key: SigningKey,
+        on_air_s: float,
+        *,
+        kept: int | None = None,
         after: Signer | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._key, self._on_air_s, self._kept, self._after = key, on_air_s, kept, after
         self._signer: Signer | None = None
         self._signed: dict[int, tuple[bytes, int]] = {}

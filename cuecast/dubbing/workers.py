@@ -160,9 +160,12 @@ class Cluster:
     """
 
     def __init__(
-        self, address: str, work: Work, tell: Callable[[str], None],
+        self,
+        address: str,
+        work: Work,
+        tell: Callable[[str], None],
         warm: Callable[[], object] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         try:
             self._dask: Any = importlib.import_module("distributed")
         except ImportError as error:

@@ -257,11 +257,15 @@ def reliability(found: Sequence[Found]) -> list[Row]:
     for low, high, name in [*steps, (CERTAIN, 1.0, "certain")]:
         part = [(s, e) for s, e in known if low <= s < high or s == high == 1.0]
         if part:
-            rows.append({
-                "confidence": name, "words": len(part), "share": round(len(part) / len(known), 3),
-                "told": round(float(np.mean([s for s, _ in part])), 4),
-                "right": round(float(np.mean([e <= WITHIN_S for _, e in part])), 4),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "confidence": name,
+                    "words": len(part),
+                    "share": round(len(part) / len(known), 3),
+                    "told": round(float(np.mean([s for s, _ in part])), 4),
+                    "right": round(float(np.mean([e <= WITHIN_S for _, e in part])), 4),
+                }
+            )
     return rows
 
 

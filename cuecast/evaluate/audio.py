@@ -193,22 +193,35 @@ def _grade(text: str) -> float:
 
 
 def _embed(
-    sound: Sound, fs: int, payloads: Sequence[tuple[bytes, bytes]], profile: AudioProfile,
-    grade: float | None, coder: str | None,
-) -> tuple[Sound, float | None]:  # fmt: skip
+    sound: Sound,
+    fs: int,
+    payloads: Sequence[tuple[bytes, bytes]],
+    profile: AudioProfile,
+    grade: float | None,
+    coder: str | None,
+) -> tuple[Sound, float | None]:
     """Mark a whole sound; return it and mid over mark in dB."""
     embedder = AudioEmbedder(
-        fs, sound.shape[1], payloads.__getitem__, profile=profile.name, grade=grade,
+        fs,
+        sound.shape[1],
+        payloads.__getitem__,
+        profile=profile.name,
+        grade=grade,
         rehearsal=make_rehearsal(profile, 0, coder),
-    )  # fmt: skip
+    )
     blocks = [embedder.process(sound[i : i + BLOCK]) for i in range(0, len(sound), BLOCK)]
     return np.concatenate([*blocks, embedder.flush()]), embedder.report().snr_db
 
 
 def measure(
-    marked: MarkedClip, name: str, channel: Channel, *, starts: int, rng: np.random.Generator,
+    marked: MarkedClip,
+    name: str,
+    channel: Channel,
+    *,
+    starts: int,
+    rng: np.random.Generator,
     before: Sound | None = None,
-) -> AudioRow:  # fmt: skip
+) -> AudioRow:
     """Send a marked clip through a channel and receive it, after unmarked sound if any."""
     heard = channel(marked.sound, marked.fs)
     width = heard.shape[1]

@@ -160,7 +160,10 @@ def raw(material: Material, _step: float) -> Result:
 
 
 BASELINES: dict[str, Callable[[Material, float], Result]] = {
-    "mpeg4-predictive": predictive, "mpeg4-dct16": dct16, "dpcm": dpcm, "wavelet": wavelet,
+    "mpeg4-predictive": predictive,
+    "mpeg4-dct16": dct16,
+    "dpcm": dpcm,
+    "wavelet": wavelet,
     "raw-8bit": raw,
-}  # fmt: skip
+}
 """Baselines by the names of the evaluation's rows."""

@@ -133,9 +133,12 @@ def _few(performance: _Performance, voice: Voice, folder: Path) -> Written:
 
 def _landmarks(performance: _Performance, voice: Voice, folder: Path) -> Written:
     face, hand, truth = film(
-        performance.cuer(_CAMERA_HZ), performance.score, seconds=performance.seconds,
-        noise_mm=3.0, seed=performance.seed,
-    )  # fmt: skip
+        performance.cuer(_CAMERA_HZ),
+        performance.score,
+        seconds=performance.seconds,
+        noise_mm=3.0,
+        seed=performance.seed,
+    )
     (folder / "film.csv").write_text(as_rows(face, hand, _CAMERA_HZ), encoding="utf-8")
     return "film.csv", truth
 
@@ -150,9 +153,13 @@ def _live_link(performance: _Performance, voice: Voice, folder: Path) -> Written
 
 
 SOURCES: dict[str, Source] = {
-    "c3d-swaps-ghosts": _c3d, "trc-metres-z-up": _trc, "csv-1mm-noise": _noisy,
-    "trc-30-markers": _few, "landmarks-3mm": _landmarks, "live-link": _live_link,
-}  # fmt: skip
+    "c3d-swaps-ghosts": _c3d,
+    "trc-metres-z-up": _trc,
+    "csv-1mm-noise": _noisy,
+    "trc-30-markers": _few,
+    "landmarks-3mm": _landmarks,
+    "live-link": _live_link,
+}
 """Ways that the takes go through, by name; ``--channels`` chooses."""
 
 
@@ -205,15 +212,18 @@ def _measure(
     if source == "live-link":
         hand = np.array([])
     return {
-        "sentences": len(takes), "seconds": round(duration_s, 1),
-        "face_mm": _mean(face), "hand_mm": _mean(hand),
+        "sentences": len(takes),
+        "seconds": round(duration_s, 1),
+        "face_mm": _mean(face),
+        "hand_mm": _mean(hand),
         "residual_face_mm": _mean(residuals.get("face", [])),
         "residual_hand_mm": _mean(residuals.get("hand", [])),
-        "keys": keys or None, "keys_right": round(right / keys, 4) if keys else None,
+        "keys": keys or None,
+        "keys_right": round(right / keys, 4) if keys else None,
         "keys_extra": round(extra / keys, 4) if keys else None,
         "realtime_factor": round(duration_s / max(spent_s, 1e-9), 1),
         "data": f"virtual cuer, sentences {_FIRST + 1} to {_FIRST + _SENTENCES} of the list",
-    }  # fmt: skip
+    }
 
 
 def _group(part: str) -> str:

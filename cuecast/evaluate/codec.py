@@ -112,10 +112,11 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
 def _bounds(row: Row, bounds: dict[str, Bound]) -> Row:
     """Return the bounds at a row's error."""
     return {
-        key: None if key == "residual_bound_bps" and row.get("residual_bps") is None
+        key: None
+        if key == "residual_bound_bps" and row.get("residual_bps") is None
         else round(bound.rate_bps(row["marker_rms_mm"]), 1)
         for key, bound in bounds.items()
-    }  # fmt: skip
+    }
 
 
 def _clips(options: EvaluateOptions) -> list[str]:
@@ -175,12 +176,17 @@ def _loss_rows(
         for loss in LOSSES:
             options.say(f"{name} with losses of {loss:.0%} in runs of {burst}")
             tries = [
-                decoded(voice, motion, frames, *(
-                    losses(count, loss, burst=burst, seed=[options.seed, repeat, part])
-                    for part in (0, 1)
-                ))
+                decoded(
+                    voice,
+                    motion,
+                    frames,
+                    *(
+                        losses(count, loss, burst=burst, seed=[options.seed, repeat, part])
+                        for part in (0, 1)
+                    ),
+                )
                 for repeat in range(REPEATS if protected else 2)
-            ]  # fmt: skip
+            ]
             yield row_of(name if burst == 1 else f"{name}-bursts", *tries) | {"loss": loss}
 
 
@@ -210,10 +216,14 @@ def _hurried_rows(score: Score | None, options: EvaluateOptions) -> Iterator[Row
             got = score_of({k: read_window(writer.l0(k)) for k in range(count)}).keys
             total, right, wrong = counted(sent, got)
             yield {
-                "codec": "cuecast-compact", "bps": 8 * size / SUPERFRAME_S, "loss": 0.0,
-                "keys_total": total, "keys_correct": right, "keys_wrong": wrong,
+                "codec": "cuecast-compact",
+                "bps": 8 * size / SUPERFRAME_S,
+                "loss": 0.0,
+                "keys_total": total,
+                "keys_correct": right,
+                "keys_wrong": wrong,
                 "data": f"uneven, {pace} times as long",
-            }  # fmt: skip
+            }
 
 
 def _others(voice: Voice, train: Array, test: Array) -> Iterator[Row]:
@@ -238,16 +248,20 @@ def plot(results: list[Row], figure: Any) -> None:
             key=lambda row: row["bps"],
         )
         axes.loglog(
-            [row["marker_rms_mm"] for row in rows], [row["bps"] for row in rows],
-            ".-" if data == first else ".:", label=name if data == first else f"{name}, {data}",
-        )  # fmt: skip
+            [row["marker_rms_mm"] for row in rows],
+            [row["bps"] for row in rows],
+            ".-" if data == first else ".:",
+            label=name if data == first else f"{name}, {data}",
+        )
     rows = sorted(
         (row for row in drawn if row.get("data") == first), key=lambda row: row["marker_rms_mm"]
     )
     axes.loglog(
-        [row["marker_rms_mm"] for row in rows], [max(row["bound_bps"], 1.0) for row in rows],
-        "k--", label="Gaussian bound",
-    )  # fmt: skip
+        [row["marker_rms_mm"] for row in rows],
+        [max(row["bound_bps"], 1.0) for row in rows],
+        "k--",
+        label="Gaussian bound",
+    )
     axes.set_ylim(bottom=40.0)
     axes.set_xlabel("marker error, mm RMS")
     axes.set_ylabel("rate, bit/s")

@@ -23,11 +23,7 @@ from codec.superframe.coding import coding_for
 from codec.superframe.compact_encoder import CompactEncoder
 from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.encoder import SuperframeEncoder
-from codec.superframe.payload import (
-    CRC8_BYTES,
-    read_beginning,
-    score_code,
-)
+from codec.superframe.payload import CRC8_BYTES, read_beginning, score_code
 from codec.superframe.range_coder import RangeDecoder
 from codec.superframe.settings import read_setting, setting_bits
 from codec.superframe.superframe import DecodedSuperframe, Superframe, merge_scores, resynthesis_of
@@ -196,14 +192,18 @@ def row_of(name: str, *outcomes: CodedMotion) -> Row:
         return None if value is None else round(value, digits)
 
     return {
-        "codec": name, "bps": round(first.bps, 1), "marker_rms_mm": rms(squares),
-        "hand_rms_mm": rms(squares[N_FACE:]), "face_rms_mm": rms(squares[:N_FACE]),
+        "codec": name,
+        "bps": round(first.bps, 1),
+        "marker_rms_mm": rms(squares),
+        "hand_rms_mm": rms(squares[N_FACE:]),
+        "face_rms_mm": rms(squares[:N_FACE]),
         "articulation_rms_mm": rounded(first.articulation_mm, 3),
         "residual_bps": rounded(first.residual_bps, 1),
         "keys_total": sum(one.sent for one in outcomes),
         "keys_correct": sum(one.right for one in outcomes),
-        "keys_wrong": sum(one.wrong for one in outcomes), "loss": 0.0,
-    }  # fmt: skip
+        "keys_wrong": sum(one.wrong for one in outcomes),
+        "loss": 0.0,
+    }
 
 
 def lacking(voice: Voice, motion: Motion) -> Array:

@@ -90,8 +90,9 @@ def as_rows(face: FloatArray, hand: FloatArray, rate_hz: float) -> str:
     writer.writerow(["time", "part", "index", "x", "y", "z"])
     for k, (of_face, of_hand) in enumerate(zip(face, hand, strict=True)):
         for part, numbers, points in (
-            ("face", FACE_LANDMARKS, of_face), ("right_hand", range(len(of_hand)), of_hand),
-        ):  # fmt: skip
+            ("face", FACE_LANDMARKS, of_face),
+            ("right_hand", range(len(of_hand)), of_hand),
+        ):
             for number, point in zip(numbers, points, strict=True):
                 if np.isfinite(point).all():
                     place = (f"{v:.7f}" for v in point)

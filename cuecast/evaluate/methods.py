@@ -71,12 +71,14 @@ def compare_methods(
             squares = ((markers[0] - markers[1]).astype(np.float64) ** 2).sum(axis=2)
             rows.append(
                 {
-                    "method": method, "alignment": alignment,
-                    "marker_rms_mm": _rms(squares), "hand_rms_mm": _rms(squares[:, N_FACE:]),
+                    "method": method,
+                    "alignment": alignment,
+                    "marker_rms_mm": _rms(squares),
+                    "hand_rms_mm": _rms(squares[:, N_FACE:]),
                     **_recognised("sent", markers[0], score, alignment, recogniser),
                     **_recognised("received", markers[1], score, alignment, recogniser),
                 }
-            )  # fmt: skip
+            )
     return rows
 
 
@@ -85,8 +87,9 @@ def _whole(parts: Iterable[Motion], score: Score) -> Motion:
     params = np.concatenate([part.params for part in made])
     frames = round(SUPERFRAME_S * made[0].rate_hz)
     kept = params[: len(params) // frames * frames]
-    return Motion(kept, made[0].rate_hz, 0.0, voice=made[0].voice, layout=made[0].layout,
-                  score=score)  # fmt: skip
+    return Motion(
+        kept, made[0].rate_hz, 0.0, voice=made[0].voice, layout=made[0].layout, score=score
+    )
 
 
 def _through_standard(motion: Motion, voice: Voice) -> NDArray[np.float64]:
@@ -106,11 +109,7 @@ def _through_standard(motion: Motion, voice: Voice) -> NDArray[np.float64]:
 
 
 def _recognised(
-    name: str,
-    markers: NDArray[np.float32],
-    score: Score,
-    alignment: str,
-    recogniser: Recogniser,
+    name: str, markers: NDArray[np.float32], score: Score, alignment: str, recogniser: Recogniser
 ) -> dict[str, float]:
     """Return the shares of shapes and placements that are recognised at their targets."""
     gestures = plan_gestures(score, alignment=alignment)

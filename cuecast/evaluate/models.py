@@ -101,9 +101,12 @@ def _measure_cuer(name: str, options: EvaluateOptions) -> dict[str, Any]:
 
 
 def measure(
-    material: Material, options: EvaluateOptions, *, n_training: int = N_TRAINING,
+    material: Material,
+    options: EvaluateOptions,
+    *,
+    n_training: int = N_TRAINING,
     n_test: int = N_TEST,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Return the figures of one cuer; see `evaluate`."""
     sentences = material.takes(3)
     options.say(f"learning from corpora 1 and 2 and {n_training} sentences")
@@ -212,10 +215,12 @@ def _recognition(
     recogniser = fit_recogniser(markers[::2], shape[::2], placement[::2])
     right = _accuracy(recogniser, (markers[1::2], shape[1::2], placement[1::2]))
     return recogniser, {
-        "shape_accuracy": right[0], "placement_accuracy": right[1], "targets": len(markers),
+        "shape_accuracy": right[0],
+        "placement_accuracy": right[1],
+        "targets": len(markers),
         "shapes_not_learnt": _named(recogniser.shapes.missing, range(len(SHAPES))),
         "placements_not_learnt": _named(recogniser.placements.missing, PLACEMENTS),
-    }  # fmt: skip
+    }
 
 
 def _named(classes: Sequence[int], names: Sequence[object]) -> str | None:

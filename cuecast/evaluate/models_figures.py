@@ -84,17 +84,19 @@ def _figure_4(
     placement = recogniser.placement_posteriors(fit.markers, shape.argmax(1))
     times = np.arange(len(shape)) / take.rate_hz
     _write_csv(
-        out / "figure4.csv", data,
+        out / "figure4.csv",
+        data,
         ("time_s", *(f"shape_{k}" for k in range(9)), *(f"placement_{p}" for p in PLACEMENTS)),
         np.column_stack([times, shape, placement]).round(4).tolist(),
-    )  # fmt: skip
+    )
 
     def draw(_: Any, figure: Any) -> None:
         figure.suptitle(f"Gestures recognised in {take.name} ({data})", fontsize=9)
         top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
         for axes, table, names in (
-            (top, shape, [str(k) for k in range(9)]), (middle, placement, PLACEMENTS),
-        ):  # fmt: skip
+            (top, shape, [str(k) for k in range(9)]),
+            (middle, placement, PLACEMENTS),
+        ):
             for k, name in enumerate(names):
                 axes.plot(times, table[:, k], label=name, lw=1)
             axes.legend(ncols=9, fontsize=7, loc="upper center")
@@ -127,9 +129,11 @@ def _figure_5(out: Path, data: str, phases: Phases) -> None:
         for p in profiles(found)
     ]
     _write_csv(
-        out / "figure5.csv", data,
-        ("gesture", "key", "count", "lead_ms", "lead_sd_ms", "lag_ms", "lag_sd_ms"), rows,
-    )  # fmt: skip
+        out / "figure5.csv",
+        data,
+        ("gesture", "key", "count", "lead_ms", "lead_sd_ms", "lag_ms", "lag_sd_ms"),
+        rows,
+    )
 
     def draw(_: Any, figure: Any) -> None:
         axes = figure.subplots()

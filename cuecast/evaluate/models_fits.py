@@ -60,9 +60,8 @@ class Models:
     def control(self, *, n_parameters: int = 12, regress_on: Regressors = "angles") -> "Models":
         """Return the models with a hand of another kind, learnt from the same frames."""
         hand = fit_hand(
-            self.hand_frames, self.forearm_frames,
-            n_parameters=n_parameters, regress_on=regress_on,
-        )  # fmt: skip
+            self.hand_frames, self.forearm_frames, n_parameters=n_parameters, regress_on=regress_on
+        )
         return replace(self, hand=hand)
 
 
@@ -109,9 +108,11 @@ def learn(material: Material, training: Sequence[EvaluatedTake]) -> Models:
     hands = np.concatenate([shapes[:, _HAND], lines[:, _HAND]])
     # Sentences last long and show few folded fingers: they must not outweigh corpus 1.
     folding = np.concatenate(
-        [*(_calm_hand(take, 1) for take in of_shapes),
-         *(_calm_hand(take, _COMPLETION_STRIDE) for take in training)]
-    )  # fmt: skip
+        [
+            *(_calm_hand(take, 1) for take in of_shapes),
+            *(_calm_hand(take, _COMPLETION_STRIDE) for take in training),
+        ]
+    )
     forearm = _complete(lines[:, layout.N_FACE + FOREARM_COLUMNS])
     begun = time.process_time()
     face = fit_face(faces, _complete(lines[:, RIGID_FACE_COLUMNS]))
@@ -182,27 +183,36 @@ class Occlusion:
         placement = recogniser.placement_posteriors(fit.markers).argmax(1)
         level = np.searchsorted(_OCCLUSION_EDGES, hidden.sum(1), side="right")
         for what, label, names in (
-            ("placement", placement, PLACEMENTS), ("markers hidden", level, _OCCLUSION),
-        ):  # fmt: skip
+            ("placement", placement, PLACEMENTS),
+            ("markers hidden", level, _OCCLUSION),
+        ):
             for number, name in enumerate(names):
                 at = label == number
                 self._count(what, name, hidden[at], recovered[at], model[at])
         for name, stems in _PARTS.items():
             of = [
-                k for k, marker in enumerate(layout.HAND_MARKERS)
+                k
+                for k, marker in enumerate(layout.HAND_MARKERS)
                 if marker.startswith(stems if len(stems) == 2 and stems[0] == "F" else tuple(stems))
-            ]  # fmt: skip
+            ]
             self._count("part", name, hidden[:, of], recovered[:, of], model[:, of])
 
     def _count(
-        self, what: str, name: str, hidden: NDArray[np.bool_],
-        recovered: NDArray[np.float64], model: NDArray[np.float64],
-    ) -> None:  # fmt: skip
+        self,
+        what: str,
+        name: str,
+        hidden: NDArray[np.bool_],
+        recovered: NDArray[np.float64],
+        model: NDArray[np.float64],
+    ) -> None:
         sums = self._sums.setdefault((what, name), np.zeros(5))
         sums += (
-            hidden.sum(), (~hidden).sum(), recovered[hidden].sum(), model[hidden].sum(),
+            hidden.sum(),
+            (~hidden).sum(),
+            recovered[hidden].sum(),
+            model[hidden].sum(),
             model[~hidden].sum(),
-        )  # fmt: skip
+        )
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield a row per group: share hidden, errors in millimetres, their ratio."""
@@ -210,13 +220,14 @@ class Occlusion:
             error = recovered / hidden if hidden else np.nan
             ground = visible / shown if shown else np.nan
             yield {
-                "by": what, "group": name,
+                "by": what,
+                "group": name,
                 "hidden_share": _rounded(hidden / max(hidden + shown, 1)),
-                "recovered_hidden_mm": _rounded(error), "model_hidden_mm": _rounded(
-                    model / hidden if hidden else np.nan
-                ),
-                "model_visible_mm": _rounded(ground), "ratio": _rounded(error / ground),
-            }  # fmt: skip
+                "recovered_hidden_mm": _rounded(error),
+                "model_hidden_mm": _rounded(model / hidden if hidden else np.nan),
+                "model_visible_mm": _rounded(ground),
+                "ratio": _rounded(error / ground),
+            }
 
     def summary(self) -> dict[str, Any]:
         """Return the figures over all markers; None where the truth is not known."""

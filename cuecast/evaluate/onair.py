@@ -102,9 +102,10 @@ def _summary(takes: Sequence[OnAir], plain: NDArray[np.float64]) -> Row:
         "mean_ratio": round(float(ratios.mean()), 4),
         "worst_ratio": round(float(ratios.max()), 4),
         "worse_takes": int(np.sum(ratios > WORSE)),
-        "keys": keys, "keys_lost_share": round(lost / keys, 5) if keys else None,
+        "keys": keys,
+        "keys_lost_share": round(lost / keys, 5) if keys else None,
         "keys_wrong": wrong,
-    }  # fmt: skip
+    }
 
 
 def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
@@ -112,9 +113,12 @@ def on_air(motion: Motion, voice: Voice, way: str, *, seed: int = 0) -> OnAir:
     score = motion.score
     sent = replace(motion, score=None) if way == "no score" else motion
     encoder = SuperframeEncoder(
-        voice, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes,
-        protected=way != "no score", filmed=WAYS[way],
-    )  # fmt: skip
+        voice,
+        l0_bytes=STANDARD.l0_bytes,
+        l1_bytes=STANDARD.l1_bytes,
+        protected=way != "no score",
+        filmed=WAYS[way],
+    )
     first = int(motion.start_s // SUPERFRAME_S)
     end = int(np.ceil((motion.start_s + motion.duration_s) / SUPERFRAME_S))
     frames = [encoder.encode(sent, k) for k in range(first, end)]

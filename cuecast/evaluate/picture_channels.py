@@ -193,10 +193,14 @@ def send(marked: Path, form: PictureFormat, channel: PictureChannel) -> Path:
         target = marked.with_name(f"coded{generation}.mkv")
         change = channel.change if generation == 0 else None
         rewrite_picture(
-            source, target, _stages(change), codec=channel.codec, bit_rate=channel.bit_rate,
+            source,
+            target,
+            _stages(change),
+            codec=channel.codec,
+            bit_rate=channel.bit_rate,
             size=(2 * round(form.width * scale / 2), 2 * round(form.height * scale / 2)),
             fps=form.fps * channel.fps_factor,
-        )  # fmt: skip
+        )
         source = target
     return source
 

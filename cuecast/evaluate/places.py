@@ -82,8 +82,9 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
             scores = [at_real_pace(score) for score in scores]
         cuer = performer(identity, law, rate_hz=_RATE_HZ, seed=options.seed + number)
         rows += _place_rows(name, points_of(cuer, scores))
-    for _, (name, subtitles) in zip(range(_PASSED_IN), programmes(replace(options, clips=None)),
-                                    strict=False):  # fmt: skip
+    for _, (name, subtitles) in zip(
+        range(_PASSED_IN), programmes(replace(options, clips=None)), strict=False
+    ):
         options.say(name)
         reading = Reading(pace=READABLE, performing=PerformerChoice(seed=options.seed))
         score = score_of_subtitles(subtitles, reading=reading)
@@ -137,12 +138,15 @@ def _place_rows(name: str, points: Points) -> Iterator[dict[str, Any]]:
         if found:
             mean, spread = np.mean(found, axis=0), np.std(found, axis=0)
             yield {
-                "cuer": name, "placement": placement, "keys": len(found),
-                "x_mm": round(float(mean[0]), 1), "y_mm": round(float(mean[1]), 1),
+                "cuer": name,
+                "placement": placement,
+                "keys": len(found),
+                "x_mm": round(float(mean[0]), 1),
+                "y_mm": round(float(mean[1]), 1),
                 "spread_x_mm": round(float(spread[0]), 1),
                 "spread_y_mm": round(float(spread[1]), 1),
                 "from_real_mm": round(float(np.linalg.norm(mean - REAL_MM[placement])), 1),
-            }  # fmt: skip
+            }
 
 
 def passed(cuer: GestureSynthesiser, score: Score) -> Iterator[PassedPlacement]:
@@ -153,9 +157,13 @@ def passed(cuer: GestureSynthesiser, score: Score) -> Iterator[PassedPlacement]:
         count = min(_AT_ONCE, frames - first)
         times = (first + np.arange(count)) / cuer.rate_hz
         yield from passed_by(
-            cuer.markers(score, first / cuer.rate_hz, count), times, classes,
-            placement=gestures.placement, leave=gestures.leave, reach=gestures.reach,
-        )  # fmt: skip
+            cuer.markers(score, first / cuer.rate_hz, count),
+            times,
+            classes,
+            placement=gestures.placement,
+            leave=gestures.leave,
+            reach=gestures.reach,
+        )
 
 
 def plot(results: list[dict[str, Any]], figure: Any) -> None:

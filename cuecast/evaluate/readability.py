@@ -140,8 +140,10 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     if options.clips is None:
         options.say("movement")
         rows += movement_rows(options.seed)
-    real = {name: f"{low:g}-{high:g}" if low != high else f"{low:g}"
-            for name, (low, high) in REAL.items()}  # fmt: skip
+    real = {
+        name: f"{low:g}-{high:g}" if low != high else f"{low:g}"
+        for name, (low, high) in REAL.items()
+    }
     return [*rows, {"clip": "real cuers", "pace": "their own"} | real]
 
 
@@ -215,14 +217,16 @@ def figures(
     every = round(_FRAMES_HZ / _PICTURES_HZ)
     taken = read_keys(reader, markers[::every])
     return {
-        "keys_said": len(said), "keys_shown": len(score.keys),
-        "text_share": told["text_share"], "words_left_out": told["words_left_out"],
+        "keys_said": len(said),
+        "keys_shown": len(score.keys),
+        "text_share": told["text_share"],
+        "words_left_out": told["words_left_out"],
         "lag_s": told["lag_s"],
         "unreadable_subtitles": sum(not row["readable"] for row in told["subtitles"]),
         **{name: found[name] for name in _SEEN},
         "verbatim_share": float(np.sum(held >= HELD_S - 1e-6)) / max(len(said), 1),
         "read_share": in_common(taken, _gestures(said)),
-    }  # fmt: skip
+    }
 
 
 def _markers(cuer: GestureSynthesiser, score: Score) -> NDArray[np.float32]:
@@ -242,21 +246,26 @@ def movement_rows(seed: int = 0) -> list[dict[str, Any]]:
         [score_of_text(line, start_s=1.0) for line in read_sentences()[::_EVERY][:_SENTENCES]]
     )
     rows = []
-    for name, law, noise_mm in (("claire", "minimum-jerk", 0.0),
-                                ("claire", "minimum-jerk", _TRACKER_MM),
-                                ("solange", MEASURED, _TRACKER_MM)):  # fmt: skip
+    for name, law, noise_mm in (
+        ("claire", "minimum-jerk", 0.0),
+        ("claire", "minimum-jerk", _TRACKER_MM),
+        ("solange", MEASURED, _TRACKER_MM),
+    ):
         films = [
             film_of(
-                performer(name, law, rate_hz=RATE_HZ, seed=seed), score,
-                noise_mm=noise_mm, seed=seed + number,
+                performer(name, law, rate_hz=RATE_HZ, seed=seed),
+                score,
+                noise_mm=noise_mm,
+                seed=seed + number,
             )
             for number, score in enumerate(scores)
-        ]  # fmt: skip
+        ]
         figures = stroke_figures(films) | {"keys_per_s": _REAL_PACE}
         rows.append(
             {"clip": f"movement of {name}, {law}", "tracker_mm": noise_mm}
-            | figures | {"rows_met": rows_within(figures)}
-        )  # fmt: skip
+            | figures
+            | {"rows_met": rows_within(figures)}
+        )
     return rows
 
 

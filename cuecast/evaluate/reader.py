@@ -127,9 +127,12 @@ def unseen(real: Sequence[ReaderTake]) -> Count:
 
 
 def compared(
-    takes: Sequence[ReaderTake], known: Sequence[ReaderTake], reader: CueReader, lips: LipReader,
+    takes: Sequence[ReaderTake],
+    known: Sequence[ReaderTake],
+    reader: CueReader,
+    lips: LipReader,
     total: Count | None = None,
-) -> Count:  # fmt: skip
+) -> Count:
     """Return how well the reader reads the takes of one cuer, added to `total`.
 
     Parameters
@@ -206,8 +209,9 @@ def in_step(
         for j in range(1, read + 1):
             cost[i, j] = min(
                 cost[i - 1, j - 1] + price(i - 1, j - 1),
-                cost[i - 1, j] + _SKIPPED, cost[i, j - 1] + _SKIPPED,
-            )  # fmt: skip
+                cost[i - 1, j] + _SKIPPED,
+                cost[i, j - 1] + _SKIPPED,
+            )
     line: list[tuple[int | None, int | None]] = []
     i, j = asked, read
     while i or j:
@@ -276,9 +280,9 @@ LEGS = {
 
 
 def _shares(name: str, count: Count) -> dict[str, Any]:
-    pace, landmarks = ("her own", TRACKED) if name == REAL else (
-        LEGS[name].pace, LEGS[name].landmarks
-    )  # fmt: skip
+    pace, landmarks = (
+        ("her own", TRACKED) if name == REAL else (LEGS[name].pace, LEGS[name].landmarks)
+    )
     shapes, places = (int(np.trace(table[1:, 1:])) for table in (count.shapes, count.places))
     return {
         "of": "all", "cuer": name, "pace": pace, "landmarks": landmarks, "keys": count.asked,
@@ -322,9 +326,11 @@ def plot(results: list[dict[str, Any]], figure: Any) -> None:
     wide = 0.8 / max(len(cuers), 1)
     for number, cuer in enumerate(cuers):
         axes.bar(
-            at + wide * (number - 0.5 * (len(cuers) - 1)), [row.get(cuer) or 0 for row in rows],
-            wide, label=cuer,
-        )  # fmt: skip
+            at + wide * (number - 0.5 * (len(cuers) - 1)),
+            [row.get(cuer) or 0 for row in rows],
+            wide,
+            label=cuer,
+        )
     axes.set_xticks(at, [row["of"] for row in rows], rotation=45, ha="right")
     axes.set_ylabel("share read right")
     axes.legend(ncols=2)

@@ -75,18 +75,23 @@ def _document(take: EvaluatedTake, fit: ModelFit, recogniser: Recogniser) -> dic
     keys = [(k.start, k.end, " ".join([str(k), *k.phones])) for k in take.score.keys]
     tenths = np.clip(np.round(10 * shown), -_TENTHS_LIMIT, _TENTHS_LIMIT)
     return {
-        "name": Path(take.name).name, "rate": take.rate_hz / step, "duration": duration_s,
-        "frames": len(shown), "markers": shown.shape[1],
+        "name": Path(take.name).name,
+        "rate": take.rate_hz / step,
+        "duration": duration_s,
+        "frames": len(shown),
+        "markers": shown.shape[1],
         "box": [float(v) for v in (low[0], low[1], high[0], high[1])],
         "points": _packed(tenths.astype("<i2")),
         "hidden": _packed((~seen[::step]).astype(np.uint8)),
         "shape": _packed(np.round(255 * shape[::step]).astype(np.uint8)),
         "placement": _packed(np.round(255 * placement[::step]).astype(np.uint8)),
-        "shapes": [str(s) for s in SHAPES], "placements": list(PLACEMENTS),
+        "shapes": [str(s) for s in SHAPES],
+        "placements": list(PLACEMENTS),
         "phones": list(PHONES),
         "tiers": {"phones": _filled(phones, duration_s), "keys": _filled(keys, duration_s)},
-        "sound": _sound(take), "wave": _wave(take, duration_s),
-    }  # fmt: skip
+        "sound": _sound(take),
+        "wave": _wave(take, duration_s),
+    }
 
 
 def _packed(array: NDArray[Any]) -> str:

@@ -85,9 +85,7 @@ def _vocoder(x: NDArray[np.float32], tempo: float) -> NDArray[np.float32]:
     phase, out = np.zeros(FRAME // 2 + 1), np.zeros(count * HOP + FRAME)
     for i in range(count):
         first = int(i * tempo * HOP)
-        here, later = (
-            np.fft.rfft(window * x[at : at + FRAME]) for at in (first, first + HOP)
-        )  # fmt: skip
+        here, later = (np.fft.rfft(window * x[at : at + FRAME]) for at in (first, first + HOP))
         if i == 0:
             phase = np.angle(here)
         out[i * HOP : i * HOP + FRAME] += window * np.fft.irfft(np.abs(here) * np.exp(1j * phase))

@@ -31,7 +31,7 @@ RADIO = (
         r" 0\,0.025 6 -38/-31\,-28/-28\,-0/-25 22000",
     ),
     ("alimiter", "level_in=4:limit=0.5:attack=1:release=50:level=disabled"),
-)  # fmt: skip
+)
 """Five bands with attacks of .1 to 5 ms and a limiter, as radio stations process: the values are
 those that the manual of FFmpeg's filter gives for such a sound."""
 

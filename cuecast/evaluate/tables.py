@@ -33,9 +33,10 @@ STYLE: Any = {
 def _metadata(form: str, results: Results) -> dict[str, str | None] | None:
     """Return the metadata of a file of a form: no date, and the digest of its results."""
     undated: dict[str, dict[str, str | None]] = {
-        "svg": {"Date": None, "Description": digest(results)}, "pdf": {"CreationDate": None},
+        "svg": {"Date": None, "Description": digest(results)},
+        "pdf": {"CreationDate": None},
         "png": {"Description": digest(results)},
-    }  # fmt: skip
+    }
     return undated.get(form)
 
 

@@ -151,8 +151,10 @@ def _row(dubbed: Path, channel: Together, voice: Voice, options: EvaluateOptions
     rewrite_sound(shown, coded, lambda *_: noise, codec=channel.sound, bit_rate=channel.sound_bps)
     received, recovered, sent = {}, 0, 0
     for kind, listen, look in (
-        ("sound", True, False), ("picture", False, True), ("together", True, True),
-    ):  # fmt: skip
+        ("sound", True, False),
+        ("picture", False, True),
+        ("together", True, True),
+    ):
         summary = receive(coded, voice, keep_motion=False, listen=listen, look=look).summary
         sent = max(sent, int(summary["duration_s"] / SUPERFRAME_S - 0.1))
         received[f"lost_{kind}"] = summary["superframes"]["received"]

@@ -45,9 +45,8 @@ def run_playout(args: argparse.Namespace) -> int:
     if args.port is None and (args.token_file or args.allow_origin):
         raise UsageError("playout: --token-file and --allow-origin need --port")
     guard = Guard(
-        args.host, read_token(args.token_file) if args.token_file else "",
-        tuple(args.allow_origin),
-    )  # fmt: skip
+        args.host, read_token(args.token_file) if args.token_file else "", tuple(args.allow_origin)
+    )
     options = LiveOptions(
         args.profile, args.key, args.grade, args.through, args.low_delay,
         args.seen_late, _absolute(args.sign), args.on_air and seconds_of(args.on_air),

@@ -40,7 +40,7 @@ HELP = {
     "late_seconds": ("gauge", "How much later than due the last packet went out."),
     "marking": ("gauge", "1 while the sound that goes out is marked."),
     "held_bytes": ("gauge", "Bytes that wait for their time."),
-}  # fmt: skip
+}
 """Kind and meaning of each figure."""
 
 

@@ -25,9 +25,7 @@ _AAC_RATES = (
 )  # fmt: skip
 """Rates in Hz by index (ISO/IEC 14496-3)."""
 
-_AC3_KBPS = (
-    32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576, 640,
-)  # fmt: skip
+_AC3_KBPS = (32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576, 640)
 """Rates in kbit/s by half the index (ETSI TS 102 366)."""
 
 _AC3_RATES = (48000, 44100, 32000)
@@ -89,8 +87,12 @@ def _eac3(head: bytes) -> tuple[int, float] | None:
 
 
 _READERS: dict[str, Callable[[bytes], tuple[int, float] | None]] = {
-    "mp2": _mp2, "aac": _aac, "latm": _latm, "ac3": _ac3, "eac3": _eac3,
-}  # fmt: skip
+    "mp2": _mp2,
+    "aac": _aac,
+    "latm": _latm,
+    "ac3": _ac3,
+    "eac3": _eac3,
+}
 
 KINDS = tuple(_READERS)
 """Codings of sound that can be framed."""

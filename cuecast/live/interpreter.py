@@ -225,9 +225,13 @@ class InterpretedMotion:
             while line and line[0].end < start_s - _KEPT_S:
                 line.popleft()
         return Motion(
-            self._at(times).astype(np.float32), RATE_HZ, start_s, self._voice.layout,
-            self._voice.identity, self.score,
-        )  # fmt: skip
+            self._at(times).astype(np.float32),
+            RATE_HZ,
+            start_s,
+            self._voice.layout,
+            self._voice.identity,
+            self.score,
+        )
 
     def _at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return her parameters (T, P); after the last frame she waits, then rests."""
@@ -294,10 +298,11 @@ class InterpretedMotion:
             phones = [
                 Phone(
                     p.symbol,
-                    key.end - factor * (key.end - p.start), key.end - factor * (key.end - p.end),
+                    key.end - factor * (key.end - p.start),
+                    key.end - factor * (key.end - p.end),
                 )
                 for p in phones
-            ]  # fmt: skip
+            ]
             key = Key(free_s, key.end, key.phones, key.shape, key.placement)
         self._phones += phones
         self._keys.append(key)

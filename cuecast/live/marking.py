@@ -58,9 +58,8 @@ _CALM_S = 60.0
 
 
 def serve(
-    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, line: Any,
-    lines: Any,
-) -> None:  # fmt: skip
+    cuer: Cuer, options: LiveOptions, patience_s: float | None, hold_s: float, line: Any, lines: Any
+) -> None:
     """Work on messages until the playout is gone, and any that could go on in its place."""
     import signal
 
@@ -99,9 +98,13 @@ class Marking:
     """The process's work on the messages."""
 
     def __init__(
-        self, cuer: Cuer, options: LiveOptions, patience_s: float | None,
-        send: Callable[[Any], None], hold_s: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        cuer: Cuer,
+        options: LiveOptions,
+        patience_s: float | None,
+        send: Callable[[Any], None],
+        hold_s: float = 0.0,
+    ) -> None:
         from codec.cuer.voice import load_voice
 
         self._voice = load_voice(cuer.voice)
@@ -125,9 +128,11 @@ class Marking:
             from cuecast.live import waiting
 
             self._room = waiting.WaitingRoom(
-                self._motion, ahead_s=options.ahead_s, seen_s=options.seen_s,
+                self._motion,
+                ahead_s=options.ahead_s,
+                seen_s=options.seen_s,
                 hold_s=None if patience_s is None else hold_s,
-            )  # fmt: skip
+            )
         self._hold_s = hold_s
         self.idle_s = 1.0 if self._room is None else _LOOK_S
 
@@ -294,8 +299,9 @@ class Marking:
             }
         if self._room is not None:
             figures |= {
-                "poses_total": self._motion.poses, "keys_recognised_total": self._motion.keys,
-            }  # fmt: skip
+                "poses_total": self._motion.poses,
+                "keys_recognised_total": self._motion.keys,
+            }
         self._send(WorkerNote(figures=figures, clock=getattr(self._marker, "clock", None)))
 
 

@@ -268,10 +268,11 @@ class OwnOutput:
         """Return the figures of `/metrics`."""
         count = self.count
         return {
-            "read_back_sent_total": count.sent, "read_back_received_total": count.received,
+            "read_back_sent_total": count.sent,
+            "read_back_received_total": count.received,
             "read_back_share": count.last.share if count.last else 0.0,
             "read_back_alarms_total": count.alarms,
-        }  # fmt: skip
+        }
 
     def close(self) -> None:
         """End the receiving process."""

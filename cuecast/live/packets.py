@@ -136,10 +136,15 @@ def write_stamp(pts: int) -> bytes:
     7654321098
     """
     pts %= PERIOD
-    return bytes([
-        0x21 | pts >> 29 & 0x0E, pts >> 22 & 0xFF, 1 | pts >> 14 & 0xFE, pts >> 7 & 0xFF,
-        1 | pts << 1 & 0xFE,
-    ])  # fmt: skip
+    return bytes(
+        [
+            0x21 | pts >> 29 & 0x0E,
+            pts >> 22 & 0xFF,
+            1 | pts >> 14 & 0xFE,
+            pts >> 7 & 0xFF,
+            1 | pts << 1 & 0xFE,
+        ]
+    )
 
 
 def write_pes(stream_id: int, pts: int, data: bytes) -> bytes:

@@ -95,10 +95,15 @@ class PcmPassage:
     """
 
     def __init__(
-        self, form: PcmForm, delay_s: float, send: Send, *,
+        self,
+        form: PcmForm,
+        delay_s: float,
+        send: Send,
+        *,
         tell: Callable[[str], None] = lambda line: None,
-        wait: Callable[[], bool] = lambda: False, by_stream: bool = False,
-    ) -> None:  # fmt: skip
+        wait: Callable[[], bool] = lambda: False,
+        by_stream: bool = False,
+    ) -> None:
         self._form, self._delay_s, self._send = form, delay_s, send
         self._tell, self._wait, self._by_stream = tell, wait, by_stream
         self._part = b""

@@ -67,15 +67,23 @@ class PcmMarker:
         begins_s = first / self._form.fs
         grid_s = begins_s - self._first * SUPERFRAME_S
         source = superframe_source(
-            Shifted(self._motion, grid_s), self._voice, profile.l0_bytes, profile.l1_bytes,
+            Shifted(self._motion, grid_s),
+            self._voice,
+            profile.l0_bytes,
+            profile.l1_bytes,
             first=self._first,
             signing=self._signing.run(begins_s, self._first) if self._signing else None,
-        )  # fmt: skip
+        )
         self._embedder = AudioEmbedder(
-            self._form.fs, self._form.channels, source, profile=profile.name,
-            key=self._options.key, grade=self._options.grade, stretch=self._options.stretch,
+            self._form.fs,
+            self._form.channels,
+            source,
+            profile=profile.name,
+            key=self._options.key,
+            grade=self._options.grade,
+            stretch=self._options.stretch,
             rehearsal=make_rehearsal(profile, self._options.key, self._options.through),
-        )  # fmt: skip
+        )
 
     def _told(self, marked: NDArray[np.float32]) -> Iterator[MarkedPcm]:
         if len(marked):

@@ -125,9 +125,13 @@ class Playout:
             options = replace(options, on_air_s=time.time())
         options = replace(options, delay_s=self.delay_s)
         self._worker = Worker(
-            cuer, options, patience_s, hold_s, standby=standby and paced,
+            cuer,
+            options,
+            patience_s,
+            hold_s,
+            standby=standby and paced,
             state=None if inheritance is None else WorkerState(),
-        )  # fmt: skip
+        )
         self._watch = None
         if read_back and paced and route.form is None:
             self._watch = OwnOutput(options.key, options.through, tell)
@@ -146,15 +150,20 @@ class Playout:
     def _new_multiplex(self) -> Multiplex | PcmPassage:
         route, paced = self._route, self._paced
         common: dict[str, Any] = {
-            "tell": self._tell, "wait": (lambda: False) if paced else self._wait,
+            "tell": self._tell,
+            "wait": (lambda: False) if paced else self._wait,
             "by_stream": not paced,
-        }  # fmt: skip
+        }
         if route.form is not None:
             return PcmPassage(route.form, self.delay_s, self._worker.send, **common)
         return Multiplex(
-            self.delay_s, self._worker.send, track=route.track, programme=route.programme,
-            watch=self._watch, **common,
-        )  # fmt: skip
+            self.delay_s,
+            self._worker.send,
+            track=route.track,
+            programme=route.programme,
+            watch=self._watch,
+            **common,
+        )
 
     @property
     def _multiplex(self) -> Multiplex | PcmPassage:
@@ -333,10 +342,15 @@ class Playout:
         elif self._waiting_since_s is None or self._multiplex.marking:
             self._waiting_since_s = now_s
         seen = Observation(
-            self._stop.is_set(), self._silent, self._worker.ready, self._worker.state.was_ready,
-            self._multiplex.marking, self._multiplex.audible,
-            now_s - (self._waiting_since_s or now_s), 1.5 * self.delay_s,
-        )  # fmt: skip
+            self._stop.is_set(),
+            self._silent,
+            self._worker.ready,
+            self._worker.state.was_ready,
+            self._multiplex.marking,
+            self._multiplex.audible,
+            now_s - (self._waiting_since_s or now_s),
+            1.5 * self.delay_s,
+        )
         self._announcer.observe(condition_of(seen))
 
     def _collect(self, wait_s: float = 0.0) -> None:

@@ -43,7 +43,9 @@ class LiveSigning:
         if self._on_air_s is not None:
             begins_s = self._on_air_s + start_s
         self._last = Signing(
-            self._key, begins_s - first * SUPERFRAME_S, kept=_KEPT,
+            self._key,
+            begins_s - first * SUPERFRAME_S,
+            kept=_KEPT,
             after=None if self._last is None else self._last.signer,
-        )  # fmt: skip
+        )
         return self._last

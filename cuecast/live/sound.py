@@ -60,9 +60,12 @@ class SoundMarker:
     """
 
     def __init__(
-        self, motion: MotionSource, voice: Voice, options: LiveOptions,
+        self,
+        motion: MotionSource,
+        voice: Voice,
+        options: LiveOptions,
         tell: Callable[[str], None] = lambda line: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._motion, self._voice, self._options, self._tell = motion, voice, options, tell
         self._signing = options.signing()
         self._kind = ""

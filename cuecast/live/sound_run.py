@@ -28,8 +28,13 @@ from watermark.link.superframe import SUPERFRAME_S
 _USUAL_BITS = 64_000
 """Bit/s for one channel where the stream stated none yet."""
 
-CODERS = {"mp2": ("mp2", "mp2"), "aac": ("aac", "aac"), "latm": ("aac_latm", "aac"),
-          "ac3": ("ac3", "ac3"), "eac3": ("eac3", "eac3")}  # fmt: skip
+CODERS = {
+    "mp2": ("mp2", "mp2"),
+    "aac": ("aac", "aac"),
+    "latm": ("aac_latm", "aac"),
+    "ac3": ("ac3", "ac3"),
+    "eac3": ("eac3", "eac3"),
+}
 """Decoder and encoder of each kind of sound."""
 
 Samples = NDArray[np.float32]
@@ -99,15 +104,24 @@ class SoundRun:
         options, profile = self._options, find_profile(self._options.profile)
         begins_s = self._grid_s + first * SUPERFRAME_S
         source = superframe_source(
-            Shifted(self._motion, self._grid_s), self._voice, profile.l0_bytes, profile.l1_bytes,
-            first=first, signing=self._signing.run(begins_s, first) if self._signing else None,
-        )  # fmt: skip
+            Shifted(self._motion, self._grid_s),
+            self._voice,
+            profile.l0_bytes,
+            profile.l1_bytes,
+            first=first,
+            signing=self._signing.run(begins_s, first) if self._signing else None,
+        )
         rehearsal = make_rehearsal(profile, options.key, options.through)
         return AudioEmbedder(
-            self.fs, self.channels, source, profile=profile.name, key=options.key,
-            grade=options.grade, stretch=options.stretch,
+            self.fs,
+            self.channels,
+            source,
+            profile=profile.name,
+            key=options.key,
+            grade=options.grade,
+            stretch=options.stretch,
             rehearsal=rehearsal if self.rehearsed else None,
-        )  # fmt: skip
+        )
 
     @property
     def end_s(self) -> float:

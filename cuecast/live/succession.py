@@ -65,9 +65,10 @@ class Successor:
         self._line, theirs = pair()
         handed = [theirs.fileno(), self.ring.file, *(one.fileno() for one in sockets)]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cuecast", *argv], pass_fds=handed,
+            [sys.executable, "-m", "cuecast", *argv],
+            pass_fds=handed,
             env=os.environ | {_VARIABLE: ",".join(map(str, handed))},
-        )  # fmt: skip
+        )
         theirs.close()
         self._known: set[int] = set()
         self._behind = False

@@ -32,9 +32,13 @@ class WaitingRoom:
     """
 
     def __init__(
-        self, motion: InterpretedMotion, *, ahead_s: float, hold_s: float | None,
+        self,
+        motion: InterpretedMotion,
+        *,
+        ahead_s: float,
+        hold_s: float | None,
         seen_s: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._motion, self._hold_s, self._seen_s = motion, hold_s, seen_s
         self._needed_s = ahead_s + SETTLED_S
         self._messages: deque[tuple[float, Any]] = deque()

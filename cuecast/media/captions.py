@@ -85,8 +85,9 @@ def _marked(subtitle: Subtitle) -> str:
     """Return the text with its colours as classes; a blank line would end the cue."""
     runs = subtitle.runs if any(run.colour for run in subtitle.runs) else ()
     text = "".join(
-        f"<c.{run.colour}>{html.escape(run.text, quote=False)}</c>" if run.colour
+        f"<c.{run.colour}>{html.escape(run.text, quote=False)}</c>"
+        if run.colour
         else html.escape(run.text, quote=False)
         for run in runs
-    ) or html.escape(subtitle.text, quote=False)  # fmt: skip
+    ) or html.escape(subtitle.text, quote=False)
     return "\n".join(line for line in text.split("\n") if line.strip()) or " "

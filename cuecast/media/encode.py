@@ -146,9 +146,12 @@ class SoundEncoder:
     """
 
     def __init__(
-        self, container: OutputContainer, sound: SoundFormat, target: SoundTarget,
+        self,
+        container: OutputContainer,
+        sound: SoundFormat,
+        target: SoundTarget,
         settings: dict[str, str] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         try:
             self.stream: Any = container.add_stream(target.encoder, rate=sound.fs)
         except (av.FFmpegError, ValueError) as error:

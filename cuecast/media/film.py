@@ -231,9 +231,12 @@ def _silence(samples: int, channels: int) -> Iterator[NDArray[np.float32]]:
 
 
 def captions_of(
-    programme: str | os.PathLike[str] | None, subtitles: str | os.PathLike[str] | None,
-    track: str | None, start_s: float, duration_s: float,
-) -> list[Subtitle]:  # fmt: skip
+    programme: str | os.PathLike[str] | None,
+    subtitles: str | os.PathLike[str] | None,
+    track: str | None,
+    start_s: float,
+    duration_s: float,
+) -> list[Subtitle]:
     """Return the captions of a film: of a file, or of a track of the programme, if it has one.
 
     Parameters

@@ -21,13 +21,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
-from receiver.media.picture import (
-    LONGEST_HOLD_S,
-    Luma,
-    PictureDecoder,
-    PictureFormat,
-    luma_of,
-)
+from receiver.media.picture import LONGEST_HOLD_S, Luma, PictureDecoder, PictureFormat, luma_of
 from receiver.media.programme import Programme, open_programme, reason
 
 _ENCODERS = {

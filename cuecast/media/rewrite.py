@@ -185,9 +185,13 @@ class _SoundWriter:
             raise CueError(self._programme.fault)
         decoder = self._decoder
         return Rewritten(
-            decoder.format, decoder.samples / decoder.format.fs, decoder.start_s or 0.0,
-            self._encoder.clipped, tuple(self._copies.left_out), self._changed,
-        )  # fmt: skip
+            decoder.format,
+            decoder.samples / decoder.format.fs,
+            decoder.start_s or 0.0,
+            self._encoder.clipped,
+            tuple(self._copies.left_out),
+            self._changed,
+        )
 
     def _packets(self) -> Iterator[Any]:
         """Yield the programme's packets, then None for the end of the sound."""

@@ -17,13 +17,7 @@ from cuecast.media.text_files import Cue, file_of
 from cuecast.media.timed_text import document_of, paragraph_of, placed, subtitles_of_packet
 from receiver.media.programme import open_programme
 from synth.language.subtitles import Subtitle
-from synth.language.subtitles.read import (
-    USUAL,
-    OnLeftOut,
-    Terms,
-    cued_subtitles,
-    parse_subtitles,
-)
+from synth.language.subtitles.read import USUAL, OnLeftOut, Terms, cued_subtitles, parse_subtitles
 
 _NAMES = {
     "mov_text": "mov_text", "srt": "SubRip", "subrip": "SubRip", "text": "text",
@@ -32,9 +26,11 @@ _NAMES = {
 """Codecs of text that are read."""
 
 _PICTURES = {
-    "dvbsub": "DVB bitmaps", "pgssub": "PGS bitmaps", "dvdsub": "DVD bitmaps",
+    "dvbsub": "DVB bitmaps",
+    "pgssub": "PGS bitmaps",
+    "dvdsub": "DVD bitmaps",
     "xsub": "XSUB bitmaps",
-}  # fmt: skip
+}
 _UNREAD = {"teletext": "teletext", "arib captions": "ARIB captions", "cc_dec": "CEA-608 captions"}
 
 FRENCH = {"fra", "fre", "fr"}
@@ -118,11 +114,16 @@ def text_tracks(path: str | os.PathLike[str]) -> list[TextTrack]:
                 title = stream.metadata.get("title", "")
                 tracks.append(
                     TextTrack(
-                        len(tracks), stream.index, coding or "subtitles of an unknown coding",
-                        language.lower(), title, coding in _NAMES.values(),
-                        "forced" in role or "forced" in title.lower(), "default" in role,
+                        len(tracks),
+                        stream.index,
+                        coding or "subtitles of an unknown coding",
+                        language.lower(),
+                        title,
+                        coding in _NAMES.values(),
+                        "forced" in role or "forced" in title.lower(),
+                        "default" in role,
                     )
-                )  # fmt: skip
+                )
     return tracks
 
 

@@ -85,11 +85,12 @@ def _checked(data: bytes, name: str) -> dict[str, Any]:
         sentences = [str(text) for text in found["sentences"]]
         questions: list[dict[str, Any]] = [
             {
-                "text": str(one["text"]), "choices": [str(text) for text in one["choices"]],
+                "text": str(one["text"]),
+                "choices": [str(text) for text in one["choices"]],
                 "right": int(one["right"]),
             }
             for one in found["questions"]
-        ]  # fmt: skip
+        ]
         if not sentences or not questions:
             raise ValueError("no sentences or no questions")
         for one in questions:
@@ -106,9 +107,11 @@ def _entry(
     score, captions = timed(passage["sentences"])
     motion = motion_of(score, voice, seed=seed)
     return {
-        "title": passage["title"], "motion": save_item(folder, f"{number:02}", motion),
-        "captions": captions, "questions": passage["questions"],
-    }  # fmt: skip
+        "title": passage["title"],
+        "motion": save_item(folder, f"{number:02}", motion),
+        "captions": captions,
+        "questions": passage["questions"],
+    }
 
 
 def timed(sentences: list[str]) -> tuple[Score, list[tuple[float, float, str]]]:
@@ -157,17 +160,21 @@ def steps(trial: Trial, number: int) -> list[Step]:
         captions = tuple((float(a), float(b), str(c)) for a, b, c in entry["captions"])
         found.append(
             Step(
-                entry["title"], condition, motion=entry["motion"],
+                entry["title"],
+                condition,
+                motion=entry["motion"],
                 captions=captions if source != "cuer" else (),
             )
-        )  # fmt: skip
+        )
         for question in entry["questions"]:
             order = rng.permutation(len(question["choices"])).tolist()
             found.append(
                 Step(
-                    entry["title"], condition, prompt=question["text"],
+                    entry["title"],
+                    condition,
+                    prompt=question["text"],
                     choices=tuple(question["choices"][k] for k in order),
                     target=order.index(question["right"]),
                 )
-            )  # fmt: skip
+            )
     return found

@@ -73,10 +73,11 @@ def pair_items(words: Sequence[str], voice: Voice, *, seed: int = 0) -> tuple[Mo
                 replace(phone, start=float(start), end=float(end))
                 for phone, start, end in zip(score.phones, starts, ends, strict=True)
             ),
-            voice, seed=seed,
+            voice,
+            seed=seed,
         )
         for score in scores
-    )  # fmt: skip
+    )
 
 
 def lips_only(motion: Motion, voice: Voice) -> Motion:

@@ -34,18 +34,22 @@ class MachineReading:
     def __add__(self, other: "MachineReading") -> "MachineReading":
         """Return the sums of both."""
         return MachineReading(
-            self.keys + other.keys, self.shapes + other.shapes,
-            self.placements + other.placements, self.words + other.words,
+            self.keys + other.keys,
+            self.shapes + other.shapes,
+            self.placements + other.placements,
+            self.words + other.words,
             self.right + other.right,
-        )  # fmt: skip
+        )
 
     def figures(self) -> dict[str, Any]:
         """Return counts and shares."""
         return {
-            "words": self.words, "word_share": round(self.right / max(self.words, 1), 4),
-            "keys": self.keys, "shape_share": round(self.shapes / max(self.keys, 1), 4),
+            "words": self.words,
+            "word_share": round(self.right / max(self.words, 1), 4),
+            "keys": self.keys,
+            "shape_share": round(self.shapes / max(self.keys, 1), 4),
             "placement_share": round(self.placements / max(self.keys, 1), 4),
-        }  # fmt: skip
+        }
 
 
 def read_word(
@@ -64,19 +68,24 @@ def read_word(
     wrong = plan_gestures(other)
     both = min(len(shapes), len(wrong.shape) - 1)
     return MachineReading(
-        len(shapes), int(np.sum(shapes.argmax(1) == right_shape)),
-        int(np.sum(placements.argmax(1) == right_placement)), 1,
+        len(shapes),
+        int(np.sum(shapes.argmax(1) == right_shape)),
+        int(np.sum(placements.argmax(1) == right_placement)),
+        1,
         int(
             _likelihood(shapes, placements, right_shape, right_placement, both)
             > _likelihood(shapes, placements, wrong.shape[1:], wrong.placement[1:], both)
         ),
-    )  # fmt: skip
+    )
 
 
 def _likelihood(
-    shapes: NDArray[np.float64], placements: NDArray[np.float64],
-    shape: NDArray[np.integer], placement: NDArray[np.integer], keys: int,
-) -> float:  # fmt: skip
+    shapes: NDArray[np.float64],
+    placements: NDArray[np.float64],
+    shape: NDArray[np.integer],
+    placement: NDArray[np.integer],
+    keys: int,
+) -> float:
     at = np.arange(keys)
     found = np.log(shapes[at, shape[:keys]] + 1e-12) + np.log(
         placements[at, placement[:keys]] + 1e-12

@@ -20,13 +20,7 @@ from synth.motion.rules.performance import motion_of
 
 PROMPT = "Les mouvements vont-ils avec la voix, comme ceux d’une vraie personne ?"
 
-SCALE = (
-    "pas du tout",
-    "plutôt non",
-    "entre les deux",
-    "plutôt oui",
-    "tout à fait",
-)
+SCALE = ("pas du tout", "plutôt non", "entre les deux", "plutôt oui", "tout à fait")
 
 SOURCES = ("natural", "synthetic", "other")
 
@@ -116,12 +110,13 @@ def _entry(
     shutil.copyfile(sound, folder / ITEMS / f"{name}{sound.suffix}")
     shown = {"natural": motion, "synthetic": made, "other": other}
     return {
-        "name": name, "sound": f"{ITEMS}/{name}{sound.suffix}",
+        "name": name,
+        "sound": f"{ITEMS}/{name}{sound.suffix}",
         "motions": {
             source: save_item(folder, f"{name}-{source}", _as_long_as(one, motion))
             for source, one in shown.items()
         },
-    }  # fmt: skip
+    }
 
 
 def _as_long_as(motion: Motion, wanted: Motion) -> Motion:
@@ -135,10 +130,14 @@ def steps(trial: Trial, number: int) -> list[Step]:
     rng = trial.rng(number)
     found = [
         Step(
-            item=entry["name"], condition=ItemCondition(source=source), prompt=PROMPT,
-            choices=SCALE, motion=entry["motions"][source], sound=entry["sound"],
+            item=entry["name"],
+            condition=ItemCondition(source=source),
+            prompt=PROMPT,
+            choices=SCALE,
+            motion=entry["motions"][source],
+            sound=entry["sound"],
         )
         for entry in trial.pool
         for source in trial.settings["sources"]
-    ]  # fmt: skip
+    ]
     return [found[i] for i in rng.permutation(len(found))]

@@ -79,9 +79,11 @@ class LearnerPages(_Pages):
 
     def _routes(self) -> list[web.RouteDef]:
         return [
-            web.get("/item.json", self._item), web.get("/item.bin", self._motion),
-            web.get("/doubles.json", self._doubles), web.get("/chart.json", self._chart),
-        ]  # fmt: skip
+            web.get("/item.json", self._item),
+            web.get("/item.bin", self._motion),
+            web.get("/doubles.json", self._doubles),
+            web.get("/chart.json", self._chart),
+        ]
 
     async def _made(self, request: web.Request) -> Motion:
         """Return the motion that a request names: of ``text``, or as one of ``family``."""
@@ -113,9 +115,10 @@ class LearnerPages(_Pages):
         return web.json_response(
             {
                 "keys": [key.as_dict() for key in motion.score.keys],
-                "phrases": phrase_starts(motion.score), "duration_s": motion.duration_s,
+                "phrases": phrase_starts(motion.score),
+                "duration_s": motion.duration_s,
             }
-        )  # fmt: skip
+        )
 
     async def _motion(self, request: web.Request) -> web.Response:
         try:
@@ -133,11 +136,8 @@ class LearnerPages(_Pages):
         families = doubles()
         chosen = rng.permutation(len(families))[:_QUESTIONS]
         return web.json_response(
-            [
-                {"words": families[i], "right": int(rng.integers(len(families[i])))}
-                for i in chosen
-            ]
-        )  # fmt: skip
+            [{"words": families[i], "right": int(rng.integers(len(families[i])))} for i in chosen]
+        )
 
     async def _chart(self, request: web.Request) -> web.Response:
         return web.json_response(chart())
@@ -181,10 +181,13 @@ class TrialPages(_Pages):
 
     def _routes(self) -> list[web.RouteDef]:
         return [
-            web.get("/trial.json", self._about), web.post("/start", self._start),
-            web.post("/answer", self._answer), web.get("/step.json", self._step),
-            web.get("/step.bin", self._motion), web.get("/sound", self._sound),
-        ]  # fmt: skip
+            web.get("/trial.json", self._about),
+            web.post("/start", self._start),
+            web.post("/answer", self._answer),
+            web.get("/step.json", self._step),
+            web.get("/step.bin", self._motion),
+            web.get("/sound", self._sound),
+        ]
 
     async def _about(self, request: web.Request) -> web.Response:
         return web.json_response({"kind": self._trial.kind, "consent": self._consent})
@@ -207,9 +210,10 @@ class TrialPages(_Pages):
             session = self._session(str(given.get("code")))
             try:
                 answer = Answer(
-                    int(given["choice"]), float(given["answer_ms"]),
+                    int(given["choice"]),
+                    float(given["answer_ms"]),
                     float(given["frames_per_second"]),
-                )  # fmt: skip
+                )
                 step = int(given["step"])
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise CueError(f"réponse mal formée : {error!r}") from error
@@ -229,11 +233,15 @@ class TrialPages(_Pages):
         step = session.steps[session.next]
         return web.json_response(
             {
-                "step": session.next, "prompt": step.prompt, "choices": step.choices,
-                "display": step.condition.display, "moves": bool(step.motion),
-                "sound": bool(step.sound), "captions": step.captions,
+                "step": session.next,
+                "prompt": step.prompt,
+                "choices": step.choices,
+                "display": step.condition.display,
+                "moves": bool(step.motion),
+                "sound": bool(step.sound),
+                "captions": step.captions,
             }
-        )  # fmt: skip
+        )
 
     async def _motion(self, request: web.Request) -> web.Response:
         try:
@@ -268,9 +276,11 @@ class TrialPages(_Pages):
 
 def _progress(session: TrialSession) -> dict[str, Any]:
     return {
-        "code": session.code, "next": session.next, "steps": len(session.steps),
+        "code": session.code,
+        "next": session.next,
+        "steps": len(session.steps),
         "ended": session.ended,
-    }  # fmt: skip
+    }
 
 
 async def _document(request: web.Request) -> dict[str, Any]:

@@ -51,9 +51,10 @@ class PairsPlan:
         if self.trials < SIDES or self.trials % SIDES:
             raise CueError(f"{self.trials} trials a condition: an even number is needed")
         for name, chosen, known in (
-            ("hands", self.hands, HANDS), ("displays", self.displays, DISPLAYS),
+            ("hands", self.hands, HANDS),
+            ("displays", self.displays, DISPLAYS),
             ("channels", self.channels, CHANNELS),
-        ):  # fmt: skip
+        ):
             if not chosen or set(chosen) - set(known) or len(set(chosen)) < len(chosen):
                 raise CueError(f"{name} {','.join(chosen)!r}: choose from {', '.join(known)}")
 
@@ -81,9 +82,12 @@ def prepare(
         pool.append(_entry(folder, number, words, voice, plan, seed))
         progress(number + 1, len(listed))
     settings = {
-        "hands": plan.hands, "displays": plan.displays, "channels": plan.channels,
-        "trials": plan.trials, "lost": plan.lost,
-    }  # fmt: skip
+        "hands": plan.hands,
+        "displays": plan.displays,
+        "channels": plan.channels,
+        "trials": plan.trials,
+        "lost": plan.lost,
+    }
     trial = Trial(folder, "pairs", voice_name, seed, settings, pool)
     write_trial(trial)
     return trial
@@ -139,10 +143,13 @@ def _step(entry: Any, condition: ItemCondition, target: int, member: int) -> Ste
     words = entry["words"]
     shown, other = words[member], words[1 - member]
     return Step(
-        item=shown, condition=condition, prompt=PROMPT, target=target,
+        item=shown,
+        condition=condition,
+        prompt=PROMPT,
+        target=target,
         choices=(shown, other) if target == 0 else (other, shown),
         motion=entry["motions"][condition.channel][member],
-    )  # fmt: skip
+    )
 
 
 def read_by_machine(trial: Trial, progress: Callable[[int, int], None]) -> list[dict[str, Any]]:

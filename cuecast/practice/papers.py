@@ -76,26 +76,34 @@ _VOICES = {
 }
 
 _TEXTS = {
-    "pairs": _PAIRS, "naturalness": _NATURALNESS, "comprehension": _COMPREHENSION,
+    "pairs": _PAIRS,
+    "naturalness": _NATURALNESS,
+    "comprehension": _COMPREHENSION,
     "voices": _VOICES,
-}  # fmt: skip
+}
 
 _SECONDS = {"pairs": 6.0, "naturalness": 12.0, "comprehension": 28.0, "voices": 14.0}
 """Seconds that one step takes in the mean."""
 
 _NAMES = {
-    "lips": "lèvres seules", "hand": "lèvres et main", "points": "points", "avatar": "avatar",
-    "clear": "direct", "channel": "après la transmission",
-}  # fmt: skip
+    "lips": "lèvres seules",
+    "hand": "lèvres et main",
+    "points": "points",
+    "avatar": "avatar",
+    "clear": "direct",
+    "channel": "après la transmission",
+}
 
 
 def write_papers(trial: Trial) -> None:
     """Write consent and protocol of a test into its folder, to be read and edited."""
     values = dict(_TEXTS[trial.kind]) | {
-        "graine": str(trial.seed), "voix": trial.voice, "responsable": _RESPONSIBLE,
+        "graine": str(trial.seed),
+        "voix": trial.voice,
+        "responsable": _RESPONSIBLE,
         "minutes": str(max(1, round(len(trial.steps(1)) * _SECONDS[trial.kind] / 60))),
         "essais": str(trial.settings.get("trials", 10)),
-    }  # fmt: skip
+    }
     values["materiel"] = values["materiel"].format(facteurs=_factors(trial.settings))
     for name in (CONSENT, PROTOCOL):
         text = (files("cuecast") / "practice" / "papers" / name).read_text(encoding="utf-8")

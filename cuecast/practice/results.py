@@ -48,9 +48,11 @@ def figures(trial: Trial) -> dict[str, Any]:
                 f"{trial.folder}: no answers yet ({len(answered)} to items shown slowly)"
             )
         found = {
-            "pairs": _pairs, "naturalness": _ratings, "comprehension": _shares,
+            "pairs": _pairs,
+            "naturalness": _ratings,
+            "comprehension": _shares,
             "voices": _preferences,
-        }[trial.kind](asked)  # fmt: skip
+        }[trial.kind](asked)
     except (KeyError, ValueError) as error:
         raise CueError(f"{trial.folder}: malformed answers: {error!r}") from error
     people = len({row["participant"] for row in asked})
@@ -58,9 +60,7 @@ def figures(trial: Trial) -> dict[str, Any]:
     return {"kind": trial.kind, "participants": people, "shown_slowly": slow, **found}
 
 
-def _grouped(
-    rows: Sequence[dict[str, str]],
-) -> dict[_Key, dict[str, list[dict[str, str]]]]:
+def _grouped(rows: Sequence[dict[str, str]]) -> dict[_Key, dict[str, list[dict[str, str]]]]:
     """Return rows by condition and participant."""
     found: dict[_Key, dict[str, list[dict[str, str]]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
@@ -93,13 +93,14 @@ def _pairs(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
         conditions.append(
             dict(zip(_CONDITION, key, strict=True))
             | {
-                "trials": counts.trials, "right": counts.correct,
+                "trials": counts.trials,
+                "right": counts.correct,
                 "share": _row(share_right(counts.correct, counts.trials)),
                 "d_prime_pooled": _row(d_prime(counts)) if counts.left and counts.right else None,
                 "d_prime_mean": _row(mean_of(list(known.values()))) if known else None,
                 "median_ms_right": round(float(np.median(answered))) if answered else None,
             }
-        )  # fmt: skip
+        )
     return {"conditions": conditions, "comparisons": _compared(single, "hand", "lips", "hand")}
 
 
@@ -118,7 +119,7 @@ def _ratings(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
                 "ratings": sum(len(own) for own in people.values()),
                 "mean": _row(mean_of(list(means.values()))),
             }
-        )  # fmt: skip
+        )
     comparisons = [
         row
         for first, second in (("synthetic", "natural"), ("other", "natural"))
@@ -140,11 +141,12 @@ def _shares(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
         conditions.append(
             dict(zip(_CONDITION, key, strict=True))
             | {
-                "questions": len(all_rows), "right": right,
+                "questions": len(all_rows),
+                "right": right,
                 "share": _row(share_right(right, len(all_rows))),
                 "share_mean": _row(mean_of(list(shares.values()))),
             }
-        )  # fmt: skip
+        )
     comparisons = [
         row
         for first, second in (("subtitles", "cuer"), ("subtitles", "both"), ("cuer", "both"))
@@ -166,11 +168,12 @@ def _preferences(rows: Sequence[dict[str, str]]) -> dict[str, Any]:
         people[pair][row["participant"]].append(share if first == pair[0] else 1 - share)
     conditions = [
         {
-            "source": f"{pair[0]} over {pair[1]}", "answers": sum(map(len, own.values())),
+            "source": f"{pair[0]} over {pair[1]}",
+            "answers": sum(map(len, own.values())),
             "share": _row(mean_of([float(np.mean(shares)) for shares in own.values()])),
         }
         for pair, own in sorted(people.items())
-    ]  # fmt: skip
+    ]
     return {"conditions": conditions, "comparisons": []}
 
 
@@ -195,10 +198,13 @@ def _compared(
         rest = {name: key[i] for i, name in enumerate(_CONDITION) if i != at and key[i]}
         rows.append(
             {
-                "compared": f"{second} - {first}", **rest, "participants": len(people),
-                "difference": _row(found), "p": None if p is None else float(f"{p:.3g}"),
+                "compared": f"{second} - {first}",
+                **rest,
+                "participants": len(people),
+                "difference": _row(found),
+                "p": None if p is None else float(f"{p:.3g}"),
             }
-        )  # fmt: skip
+        )
     return rows
 
 

@@ -139,16 +139,19 @@ class TrialSession:
 
     def _row(self, number: int, step: Step, answer: Answer) -> dict[str, Any]:
         return {
-            "participant": self.code, "step": number,
+            "participant": self.code,
+            "step": number,
             "time_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "kind": self.trial.kind, "item": step.item, **asdict(step.condition),
+            "kind": self.trial.kind,
+            "item": step.item,
+            **asdict(step.condition),
             "choices": "|".join(step.choices),
             "target": step.target if step.target >= 0 else "",
             "answer": answer.choice if answer.choice >= 0 else "",
             "right": int(answer.choice == step.target) if step.target >= 0 else "",
             "answer_ms": round(answer.answer_ms, 1),
             "frames_per_second": round(answer.frames_per_second, 1),
-        }  # fmt: skip
+        }
 
 
 def new_session(trial: Trial) -> TrialSession:

@@ -52,8 +52,9 @@ class Counts:
 
     def __post_init__(self) -> None:
         for name, found, total in (
-            ("hits", self.hits, self.left), ("false alarms", self.false_alarms, self.right),
-        ):  # fmt: skip
+            ("hits", self.hits, self.left),
+            ("false alarms", self.false_alarms, self.right),
+        ):
             if not 0 <= found <= total:
                 raise CueError(f"{found} {name} of {total} trials")
 

@@ -128,9 +128,11 @@ class Trial:
         from cuecast.practice import comprehension, naturalness, pairs, voices
 
         plan: dict[str, Callable[[Trial, int], list[Step]]] = {
-            "pairs": pairs.steps, "naturalness": naturalness.steps,
-            "comprehension": comprehension.steps, "voices": voices.steps,
-        }  # fmt: skip
+            "pairs": pairs.steps,
+            "naturalness": naturalness.steps,
+            "comprehension": comprehension.steps,
+            "voices": voices.steps,
+        }
         try:
             return plan[self.kind](self, number)
         except (KeyError, IndexError, TypeError, ValueError) as error:
@@ -173,9 +175,13 @@ def save_item(folder: Path, name: str, motion: Motion) -> str:
 def write_trial(trial: Trial) -> None:
     """Write ``trial.json`` into the trial's folder."""
     document = {
-        "format": _FORMAT, "kind": trial.kind, "voice": trial.voice, "seed": trial.seed,
-        "settings": dict(trial.settings), "pool": [dict(entry) for entry in trial.pool],
-    }  # fmt: skip
+        "format": _FORMAT,
+        "kind": trial.kind,
+        "voice": trial.voice,
+        "seed": trial.seed,
+        "settings": dict(trial.settings),
+        "pool": [dict(entry) for entry in trial.pool],
+    }
     with whole_file(trial.folder / TRIAL) as path:
         path.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
 
@@ -196,9 +202,13 @@ def read_trial(folder: str | os.PathLike[str]) -> Trial:
         if document["format"] != _FORMAT or document["kind"] not in KINDS:
             raise ValueError(f"format {document['format']!r}, kind {document['kind']!r}")
         return Trial(
-            Path(folder), document["kind"], str(document["voice"]), int(document["seed"]),
-            dict(document["settings"]), [dict(entry) for entry in document["pool"]],
-        )  # fmt: skip
+            Path(folder),
+            document["kind"],
+            str(document["voice"]),
+            int(document["seed"]),
+            dict(document["settings"]),
+            [dict(entry) for entry in document["pool"]],
+        )
     except OSError as error:
         raise CueError(
             f"{path}: {error.strerror}; cuecast trial prepare makes such a folder"

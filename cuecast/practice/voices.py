@@ -102,11 +102,13 @@ def prepare(
             soundfile.write(folder / ITEMS / f"{name}.flac", sound, _FS)
             pool.append(
                 {
-                    "name": name, "text": text, "source": f"{first}-{second}",
+                    "name": name,
+                    "text": text,
+                    "source": f"{first}-{second}",
                     "sound": f"{ITEMS}/{name}.flac",
                     "motion": save_item(folder, name, _at_rest(voice, len(sound) / _FS)),
                 }
-            )  # fmt: skip
+            )
         progress(number + 1, sentences)
     trial = Trial(folder, "voices", voice_name, seed, {"trials": sentences}, pool)
     write_trial(trial)
@@ -163,10 +165,13 @@ def steps(trial: Trial, number: int) -> list[Step]:
     """Return a participant's trials: every pair of voices in every sentence, in random order."""
     found = [
         Step(
-            item=entry["name"], prompt=PROMPT, choices=CHOICES,
+            item=entry["name"],
+            prompt=PROMPT,
+            choices=CHOICES,
             condition=ItemCondition(hand="", display="none", source=entry["source"]),
-            motion=entry["motion"], sound=entry["sound"],
+            motion=entry["motion"],
+            sound=entry["sound"],
         )
         for entry in trial.pool
-    ]  # fmt: skip
+    ]
     return [found[i] for i in trial.rng(number).permutation(len(found))]

@@ -36,12 +36,17 @@ def run(args: argparse.Namespace) -> int:
         note(f"the file states: {printable(fit.terms)}")
     moves = {name: round(far, 1) for name, far in fit.moves_mm.items()}
     if args.json:
-        print_json({
-            "output": args.output, "readable_lips": fit.readable_lips,
-            "lips_mm": round(fit.lips_mm, 2), "hand_mm": round(fit.hand_mm, 2),
-            "upper_arm_stretch": round(fit.stretch, 3), "places_mm": moves,
-            "terms": fit.terms,
-        })  # fmt: skip
+        print_json(
+            {
+                "output": args.output,
+                "readable_lips": fit.readable_lips,
+                "lips_mm": round(fit.lips_mm, 2),
+                "hand_mm": round(fit.hand_mm, 2),
+                "upper_arm_stretch": round(fit.stretch, 3),
+                "places_mm": moves,
+                "terms": fit.terms,
+            }
+        )
     else:
         print(f"lips within {fit.lips_mm:.1f} mm, hand within {fit.hand_mm:.1f} mm of the cuer's")
         print("places moved by " + ", ".join(f"{far} mm ({name})" for name, far in moves.items()))

@@ -45,33 +45,39 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="M.npz", help="motion")
     parser.add_argument("--rate", type=positive, default=50.0, metavar="HZ", help="of the motion")
     parser.add_argument(
-        "--start", type=float, metavar="S",
+        "--start",
+        type=float,
+        metavar="S",
         help="time of the first frame on the programme's clock, if not as the file says",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--live", action="store_true",
+        "--live",
+        action="store_true",
         help="a table of landmarks as it comes: a line of JSON per frame, a quarter second late",
-    )  # fmt: skip
+    )
     parser.add_argument("--report", metavar="R.json", help="how well it went; - prints it")
     parser.add_argument("--plot", metavar="P.png", help="a picture of the same")
     markers = parser.add_argument_group("markers")
     markers.add_argument(
-        "--map", metavar="FILE",
+        "--map",
+        metavar="FILE",
         help="labels and our markers: CSV with two columns, or JSON; others go by name",
-    )  # fmt: skip
+    )
     markers.add_argument(
-        "--propose-map", metavar="FILE",
+        "--propose-map",
+        metavar="FILE",
         help="for labels that name no marker: write a map (CSV or .json) by where the points are; "
         "with --output the motion goes by it",
-    )  # fmt: skip
+    )
     markers.add_argument("--subject", metavar="NAME", help="only labels such as NAME:FH0")
     markers.add_argument(
         "--calibration", metavar="TAKE", help="the same speaker and markers, her face at rest"
     )
     markers.add_argument(
-        "--markers-chart", metavar="P.png|P.svg",
+        "--markers-chart",
+        metavar="P.png|P.svg",
         help="draw where the 113 markers sit on a cuer, and do nothing else if there is no IN",
-    )  # fmt: skip
+    )
     landmarks = parser.add_argument_group("landmarks")
     landmarks.add_argument(
         "--frame-rate", type=positive, metavar="HZ", help="of frames that are numbered, not timed"
@@ -87,9 +93,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--score", metavar="T.TextGrid", help="transcript with times, if that is known"
     )
     keys.add_argument(
-        "--text", metavar="TEXT|FILE",
+        "--text",
+        metavar="TEXT|FILE",
         help="transcript without times: French, or phones apart by spaces",
-    )  # fmt: skip
+    )
     keys.add_argument("--no-keys", action="store_true", help="do not recognise keys")
     add_json(parser)
     add_voice(parser)

@@ -40,9 +40,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("programme", metavar="PROGRAMME", help="sound or video file")
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
-        "--subtitles", metavar="SUBS",
+        "--subtitles",
+        metavar="SUBS",
         help="subtitles; - reads a pipe (default: the programme's own French subtitles)",
-    )  # fmt: skip
+    )
     source.add_argument("--motion", metavar="M.npz", help="motion of the cuer")
     parser.add_argument("-o", "--output", metavar="OUT", help="the programme with its cuer")
     add_on_air(parser, "when a signed programme begins on air (default: now)")
@@ -68,33 +69,40 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
     parser.add_argument(
-        "--profile", action="append", default=[], metavar="CARRIER=NAME",
+        "--profile",
+        action="append",
+        default=[],
+        metavar="CARRIER=NAME",
         help="such as audio=robust, video=high, a335=2x",
-    )  # fmt: skip
+    )
     for kind, example in (("audio", "192k"), ("video", "4000k")):
         parser.add_argument(f"--{kind}-codec", metavar="NAME", help="of the output, if another")
         parser.add_argument(
             f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
         )
     parser.add_argument(
-        "--grade", type=grade, metavar="ODG",
+        "--grade",
+        type=grade,
+        metavar="ODG",
         help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387; "
         "default: the profile's own)",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--through", metavar="CODERS",
+        "--through",
+        metavar="CODERS",
         help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; "
         "alternatives with commas; a chain as mp2:192k+aac:128k, or as a list that repeats a "
         "coder (aac:128k,mp3:128k,aac:128k); or none "
         "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--video-through", metavar="CODERS",
+        "--video-through",
+        metavar="CODERS",
         help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
         "mpeg2:4000k: the invisible mark is as weak as it allows; alternatives with commas; "
         "behind hqdn3d+h264:2000k, a cleaner of noise, or l0+av1:1000k, the cues arrive but not "
         "their details; or none (default: h264 with 0.087 bits per pixel)",
-    )  # fmt: skip
+    )
     parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     parser.add_argument(
         "--no-read-back", action="store_true", help="do not receive the written file"

@@ -18,15 +18,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     goal.add_argument("--rate", type=bit_rate, metavar="BPS", help="bits per second to keep to")
     goal.add_argument("--error", type=positive, metavar="MM", help="marker error to keep to, mm")
     parser.add_argument(
-        "--constant", action="store_true",
+        "--constant",
+        action="store_true",
         help="give every superframe the same size, as on air; with --rate",
-    )  # fmt: skip
+    )
     told = parser.add_mutually_exclusive_group()
     told.add_argument(
-        "--keep-score", action="store_true",
+        "--keep-score",
+        action="store_true",
         help="keep the score, and so the keys, at any cost (default: if the file is at most "
         "1 %% larger with it, or less exact at the rate)",
-    )  # fmt: skip
+    )
     told.add_argument(
         "--drop-score", action="store_true", help="leave the score, and so the keys, out"
     )
@@ -45,19 +47,26 @@ def run(args: argparse.Namespace) -> int:
     motion, voice = load_motion(args.motion), coding_voice(args.voice)
     with seconds_bar(None, "encode, some rounds") as advance:
         found = choose_stream(
-            motion, voice, rate_bps=args.rate, error_mm=args.error, constant=args.constant,
+            motion,
+            voice,
+            rate_bps=args.rate,
+            error_mm=args.error,
+            constant=args.constant,
             score="keep" if args.keep_score else "drop" if args.drop_score else "auto",
             progress=advance,
-        )  # fmt: skip
+        )
     write_bytes(args.output, found.data)
     percent = None if found.score_cost is None else round(100 * found.score_cost, 2)
     if args.json:
-        print_json({
-            "bytes": len(found.data), "duration_s": round(motion.duration_s, 3),
-            "bps": round(8 * len(found.data) / motion.duration_s, 1),
-            "score": "none" if motion.score is None else "kept" if found.scored else "left out",
-            "score_cost_percent": percent,
-        })  # fmt: skip
+        print_json(
+            {
+                "bytes": len(found.data),
+                "duration_s": round(motion.duration_s, 3),
+                "bps": round(8 * len(found.data) / motion.duration_s, 1),
+                "score": "none" if motion.score is None else "kept" if found.scored else "left out",
+                "score_cost_percent": percent,
+            }
+        )
     elif percent is not None and not found.scored and not args.drop_score:
         what = "its error" if args.rate else "the file"
         note(

@@ -38,17 +38,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--voice", default="claire", metavar="V", help="of codec: voice by name or file"
     )
     parser.add_argument(
-        "--after", type=not_negative, default=0.0, metavar="S",
+        "--after",
+        type=not_negative,
+        default=0.0,
+        metavar="S",
         help="of audio: seconds of unmarked sound before the mark",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at work"
     )
     parser.add_argument("--out", metavar="DIR", help="folder for CSV, JSON and plot")
     parser.add_argument(
-        "--record", metavar="R.json",
+        "--record",
+        metavar="R.json",
         help="figures with all that repeats them: commit, command, machine, clips",
-    )  # fmt: skip
+    )
     add_json(parser)
     add_seed(parser)
 

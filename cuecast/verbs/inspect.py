@@ -16,9 +16,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("stream", metavar="S.cue", help="bit stream; - reads a pipe")
     parser.add_argument(
-        "--bits", action="store_true",
+        "--bits",
+        action="store_true",
         help="the bit map: name, bits, value and paragraph of every field, in colour on a terminal",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--superframe", type=int, metavar="K", help="of this one only (default: of all)"
     )

@@ -72,9 +72,12 @@ def _show(args: argparse.Namespace) -> int:
     begin, end = found.dates
     pinned = args.pinned is None or found.continues(load_announcement(args.pinned))
     told = {
-        "name": found.name, "fingerprint": found.fingerprint, "from": begin, "to": end,
+        "name": found.name,
+        "fingerprint": found.fingerprint,
+        "from": begin,
+        "to": end,
         "as_pinned": pinned,
-    }  # fmt: skip
+    }
     if args.json:
         print_json(told)
     else:

@@ -26,10 +26,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_text(parser)
     parser.add_argument(
-        "--alignment", choices=("attina", "paper"),
+        "--alignment",
+        choices=("attina", "paper"),
         help="say when the hand is on target, by the rule that synth follows: early in the "
         "consonant (Attina 2005) or in its middle (Gibert, Bailly, Elisei 2004)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--align", metavar="AUDIO", help="recording of the text: times are those of its voice"
     )
@@ -37,10 +38,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--textgrid", metavar="T.TextGrid", help="phones and keys as two tiers for Praat"
     )
     parser.add_argument(
-        "--unknown", action="store_true",
+        "--unknown",
+        action="store_true",
         help="only the words that no lexicon knows, with the phones taken: mend them, and give the "
         "lines to --lexicon",
-    )  # fmt: skip
+    )
     add_reading(parser)
     add_pace(parser)
     add_subtitle_terms(parser)

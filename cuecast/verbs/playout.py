@@ -32,9 +32,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     form.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
     form.add_argument(
-        "--samples", metavar="FORM",
+        "--samples",
+        metavar="FORM",
         help="plain samples instead of a transport stream, such as s16le:48000:2",
-    )  # fmt: skip
+    )
     form.add_argument("--low-delay", action="store_true", help="2.5 s of delay instead of 5 s")
     _add_content(parser)
     _add_mark(parser)
@@ -60,56 +61,72 @@ def _add_content(parser: argparse.ArgumentParser) -> None:
         "--text", choices=(PIPE,), help="live text as JSON lines from the standard input"
     )
     group.add_argument(
-        "--seen-late", type=not_negative, default=0.0, metavar="S",
+        "--seen-late",
+        type=not_negative,
+        default=0.0,
+        metavar="S",
         help="how much later than the stream arrives the interpreter sees it, seconds",
-    )  # fmt: skip
+    )
 
 
 def _add_mark(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("the mark")
     group.add_argument("--profile", default="standard", metavar="NAME", help="such as robust")
     group.add_argument(
-        "--grade", type=grade, metavar="ODG",
+        "--grade",
+        type=grade,
+        metavar="ODG",
         help="audibility allowed to the mark, from 0 (none) to -4 (BS.1387)",
-    )  # fmt: skip
+    )
     group.add_argument(
         "--through", metavar="CODER", help="the broadcaster's coder, such as aac:64k"
     )
     group.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
     group.add_argument(
-        "--on-air", metavar="TIME",
+        "--on-air",
+        metavar="TIME",
         help="when a signed programme from a file or pipe begins on air, such as "
         "2027-01-31T20:00:00Z (default: now)",
-    )  # fmt: skip
+    )
     group.add_argument("--key", type=natural, default=0, metavar="N", help="key of the watermark")
     group.add_argument(
-        "--no-read-back", action="store_true",
+        "--no-read-back",
+        action="store_true",
         help="do not receive the own output (it costs 2 %% of a core)",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--no-standby", action="store_true",
+        "--no-standby",
+        action="store_true",
         help="no second marking process and no second playout that go on if the first one dies",
-    )  # fmt: skip
+    )
 
 
 def _add_server(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("figures, health and live text over HTTP")
     group.add_argument(
-        "--port", type=natural, metavar="N",
+        "--port",
+        type=natural,
+        metavar="N",
         help="serve /metrics, /health and the WebSocket /captions",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--host", default="127.0.0.1", metavar="ADDR",
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDR",
         help="address to serve on; any other than this machine's own needs --token-file",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--token-file", metavar="FILE",
+        "--token-file",
+        metavar="FILE",
         help="file with the token that live text has to bring as `Authorization: Bearer TOKEN`",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--allow-origin", action="append", default=[], metavar="URL",
+        "--allow-origin",
+        action="append",
+        default=[],
+        metavar="URL",
         help="web pages of this origin may send live text, such as https://respeak.example",
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace) -> int:

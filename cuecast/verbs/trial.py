@@ -46,52 +46,68 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     power.add_argument("--participants", type=count, default=12, metavar="N")
     power.add_argument(
-        "--spread", type=not_negative, default=0.5, metavar="D",
+        "--spread",
+        type=not_negative,
+        default=0.5,
+        metavar="D",
         help="standard deviation over people of the true difference, .5 by default",
-    )  # fmt: skip
+    )
     for action in (check, results, power):
         add_json(action)
 
 
 def _configure_prepare(prepare: argparse.ArgumentParser) -> None:
     prepare.add_argument(
-        "kind", choices=_KINDS,
+        "kind",
+        choices=_KINDS,
         help="pairs: words that look alike on the lips; naturalness: natural and synthetic "
         "movement under natural speech, rated; comprehension: two minutes with questions; "
         "voices: sentences spoken by two synthetic voices, compared",
-    )  # fmt: skip
+    )
     prepare.add_argument("-o", "--output", required=True, metavar="DIR", help="a new folder")
     prepare.add_argument(
         "--hands", default="lips,hand", metavar="LIST", help="of pairs: lips, hand or both"
     )
     prepare.add_argument(
-        "--displays", metavar="LIST",
+        "--displays",
+        metavar="LIST",
         help="points, avatar or both: both for pairs by default, avatar for comprehension",
-    )  # fmt: skip
+    )
     prepare.add_argument(
-        "--channels", default="clear,channel", metavar="LIST",
+        "--channels",
+        default="clear,channel",
+        metavar="LIST",
         help="of pairs: clear, channel (coded, with losses) or both",
-    )  # fmt: skip
+    )
     prepare.add_argument(
-        "--trials", type=count, default=10, metavar="N",
+        "--trials",
+        type=count,
+        default=10,
+        metavar="N",
         help="of pairs: trials of each condition for each participant; of voices: sentences; "
         "even, 10 by default",
-    )  # fmt: skip
+    )
     prepare.add_argument(
-        "--lost", type=not_negative, default=0.05, metavar="SHARE",
+        "--lost",
+        type=not_negative,
+        default=0.05,
+        metavar="SHARE",
         help="of pairs: superframes lost in the channel, .05 by default",
-    )  # fmt: skip
+    )
     prepare.add_argument(
-        "--recordings", metavar="DIR",
+        "--recordings",
+        metavar="DIR",
         help="of naturalness: motions with scores (NAME.npz) and their speech (NAME.wav)",
-    )  # fmt: skip
+    )
     prepare.add_argument(
         "--passages", metavar="DIR", help="of comprehension: your own passages (*.json)"
     )
     prepare.add_argument(
-        "--speakers", default="reader,espeak", metavar="LIST",
+        "--speakers",
+        default="reader,espeak",
+        metavar="LIST",
         help="of voices: two or more of reader, units, espeak, as in evaluate intelligibility",
-    )  # fmt: skip
+    )
     prepare.add_argument(
         "--texts", metavar="FILE", help="of voices: one sentence a line; by default news"
     )
@@ -102,8 +118,12 @@ def _configure_prepare(prepare: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the action."""
     actions = {
-        "prepare": _prepare, "check": _check, "run": _run, "results": _results, "power": _power,
-    }  # fmt: skip
+        "prepare": _prepare,
+        "check": _check,
+        "run": _run,
+        "results": _results,
+        "power": _power,
+    }
     return actions[args.action](args)
 
 
@@ -129,9 +149,12 @@ def _made(args: argparse.Namespace, folder: Path) -> "Trial":
     with count_bar("items") as progress:
         if args.kind == "pairs":
             plan = pairs.PairsPlan(
-                tuple(args.hands.split(",")), displays or pairs.DISPLAYS,
-                tuple(args.channels.split(",")), args.trials, args.lost,
-            )  # fmt: skip
+                tuple(args.hands.split(",")),
+                displays or pairs.DISPLAYS,
+                tuple(args.channels.split(",")),
+                args.trials,
+                args.lost,
+            )
             return pairs.prepare(folder, args.voice, plan, seed=args.seed, progress=progress)
         if args.kind == "naturalness":
             if args.recordings is None:
@@ -141,16 +164,25 @@ def _made(args: argparse.Namespace, folder: Path) -> "Trial":
             )
         if args.kind == "voices":
             return voices.prepare(
-                folder, args.voice, speakers=args.speakers.split(","), sentences=args.trials,
-                texts=Path(args.texts) if args.texts else None, seed=args.seed, progress=progress,
-            )  # fmt: skip
+                folder,
+                args.voice,
+                speakers=args.speakers.split(","),
+                sentences=args.trials,
+                texts=Path(args.texts) if args.texts else None,
+                seed=args.seed,
+                progress=progress,
+            )
         shown = displays or ("avatar",)
         if len(shown) != 1 or shown[0] not in pairs.DISPLAYS:
             raise UsageError("comprehension takes one display: avatar or points")
         return comprehension.prepare(
-            folder, args.voice, passages=Path(args.passages) if args.passages else None,
-            display=shown[0], seed=args.seed, progress=progress,
-        )  # fmt: skip
+            folder,
+            args.voice,
+            passages=Path(args.passages) if args.passages else None,
+            display=shown[0],
+            seed=args.seed,
+            progress=progress,
+        )
 
 
 def _check(args: argparse.Namespace) -> int:
@@ -199,9 +231,12 @@ def _power(args: argparse.Namespace) -> int:
     from cuecast.practice.statistics import power
 
     found = power(
-        args.d_prime, args.against, trials=args.trials, observers=args.participants,
+        args.d_prime,
+        args.against,
+        trials=args.trials,
+        observers=args.participants,
         spread=args.spread,
-    )  # fmt: skip
+    )
     if args.json:
         print_json({"power": round(found, 4)})
     else:

@@ -22,28 +22,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     build.add_argument("voice", nargs="?", default="claire", metavar="V", help="name or file")
     build.add_argument(
-        "--recordings", metavar="DIR",
+        "--recordings",
+        metavar="DIR",
         help="sounds of a speaker with transcripts: a .tsv with path and text, or .txt beside each",
-    )  # fmt: skip
+    )
     build.add_argument(
-        "--kbit", type=positive, metavar="N",
+        "--kbit",
+        type=positive,
+        metavar="N",
         help="with --recordings: keep the sounds in Opus of N kbit/s, 6 to 256, not exactly",
-    )  # fmt: skip
+    )
     build.add_argument(
-        "--without", metavar="NAMES",
+        "--without",
+        metavar="NAMES",
         help="with --recordings: names of sounds that are kept for judging, between commas",
-    )  # fmt: skip
+    )
     build.add_argument(
-        "--corpora", metavar="DIR",
+        "--corpora",
+        metavar="DIR",
         help="takes of a new speaker's hand, face and both: C3D files, a TextGrid beside each",
-    )  # fmt: skip
+    )
     build.add_argument(
         "--map", metavar="FILE", help="with --corpora: labels and our markers, as for capture"
     )
     build.add_argument(
-        "-o", "--output", metavar="FOLDER",
+        "-o",
+        "--output",
+        metavar="FOLDER",
         help="where a speaker's units go; with --corpora a new folder, named as the voice",
-    )  # fmt: skip
+    )
     export = actions.add_parser(
         "export", help="one file of voice and tables for the receiver of devices and pages"
     )
@@ -131,9 +138,13 @@ def _build(args: argparse.Namespace) -> int:
     if args.recordings:
         with count_bar("recording the voice") as progress:
             refused = record_folder(
-                args.recordings, args.output, voice, kbit_s=args.kbit, progress=progress,
+                args.recordings,
+                args.output,
+                voice,
+                kbit_s=args.kbit,
+                progress=progress,
                 without=frozenset((args.without or "").split(",")),
-            )  # fmt: skip
+            )
         for line in refused:
             note(f"left out: {line}")
     synthesiser = unit_synthesiser(voice, args.output)

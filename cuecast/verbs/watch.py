@@ -26,9 +26,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_trust(parser)
     parser.add_argument(
-        "--hold", type=not_negative, metavar="S",
+        "--hold",
+        type=not_negative,
+        metavar="S",
         help=f"show a broadcast S seconds later ({HOLD_S:.0f} with --trust; 123 for robust sound)",
-    )  # fmt: skip
+    )
     add_avatar(parser)
     add_voice(parser)
     add_key(parser)
@@ -47,9 +49,11 @@ def run(args: argparse.Namespace) -> int:
 
     voice = coding_voice(args.voice)
     place: dict[str, Any] = {
-        "host": args.host, "port": args.port, "on_ready": lambda url: note(f"watch at {url}"),
+        "host": args.host,
+        "port": args.port,
+        "on_ready": lambda url: note(f"watch at {url}"),
         "avatar": avatar_file(args.avatar, voice),
-    }  # fmt: skip
+    }
     if args.programme == PIPE or "://" in args.programme:
         from receiver.live.server import serve_live
 

@@ -47,9 +47,12 @@ def pages() -> dict[Path, str]:
 def expanded(template: str) -> str:
     """Return a page from its template: records and values by name."""
     environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, autoescape=False, keep_trailing_newline=True,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     return environment.from_string(template).render({**values(), **records()})
 
 

@@ -44,10 +44,11 @@ def _described(anchor: str, parser: argparse.ArgumentParser) -> list[str]:
     parts = [_plain(parser.description or "")]
     for group in parser._action_groups:
         actions = [
-            action for action in group._group_actions
+            action
+            for action in group._group_actions
             if action.help != argparse.SUPPRESS
             and not isinstance(action, argparse._SubParsersAction | argparse._HelpAction)
-        ]  # fmt: skip
+        ]
         if actions:
             parts.append(f"*{(group.title or 'options').capitalize()}*")
             parts.append("\n".join(_line(anchor, parser, action) for action in actions))
@@ -59,9 +60,11 @@ def _line(anchor: str, parser: argparse.ArgumentParser, action: argparse.Action)
     formatter = parser._get_formatter()
     if action.option_strings:
         value = formatter._format_args(action, formatter._get_default_metavar_for_optional(action))
-        shown = f"{', '.join(action.option_strings)} {value}".strip() if action.nargs != 0 else (
-            ", ".join(action.option_strings)
-        )  # fmt: skip
+        shown = (
+            f"{', '.join(action.option_strings)} {value}".strip()
+            if action.nargs != 0
+            else (", ".join(action.option_strings))
+        )
         name = action.option_strings[-1].lstrip("-")
     else:
         default = formatter._get_default_metavar_for_positional(action)

@@ -67,7 +67,8 @@ class BuiltAvatar:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the asset (`receiver.drawing.avatar` reads them)."""
         return {
-            **self.head.arrays("head"), **self.hand.arrays("hand"),
+            **self.head.arrays("head"),
+            **self.hand.arrays("hand"),
             "head_weights": np.rint(255 * self.head_weights).astype(np.uint8),
             **self.mouth,
             **self.shapes,
@@ -76,7 +77,7 @@ class BuiltAvatar:
             "unit_names": np.array(self.unit_names),
             "unit_rest": self.unit_rest.astype(np.float32),
             "units": self.units.astype(np.float32),
-        }  # fmt: skip
+        }
 
 
 def error_mm(avatar: BuiltAvatar) -> dict[str, float]:
@@ -178,10 +179,14 @@ def _mouth_and_shapes(
     )
     found = mesh_shapes(mesh, np.unique(groups["helper-tongue"]), np.concatenate(balls))
     part = replace(head.part, sources=number[head.part.sources])
-    return mouth, {
-        **shape_arrays(found, head.control, np.diag(scale) @ turn),
-        **eye_arrays(part, place, [number[ball[0]] for ball in balls]),
-    }, np.diag(scale) @ turn  # fmt: skip
+    return (
+        mouth,
+        {
+            **shape_arrays(found, head.control, np.diag(scale) @ turn),
+            **eye_arrays(part, place, [number[ball[0]] for ball in balls]),
+        },
+        np.diag(scale) @ turn,
+    )
 
 
 def _arkit_units(body: Body, voice: Voice) -> tuple[tuple[str, ...], FloatArray, FloatArray]:

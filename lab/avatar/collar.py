@@ -62,10 +62,12 @@ def collar(
     sources, shares = nearest_on(points, near, line)
     carriers = (points[sources] * shares[..., None]).sum(axis=1)
     return Part(
-        np.repeat(sources, n, axis=0), np.repeat(shares, n, axis=0),
-        flat - np.repeat(carriers, n, axis=0), triangulate(np.stack([a, b, b + n, a + n], 1)),
+        np.repeat(sources, n, axis=0),
+        np.repeat(shares, n, axis=0),
+        flat - np.repeat(carriers, n, axis=0),
+        triangulate(np.stack([a, b, b + n, a + n], 1)),
         np.clip(colours, 0, 255).astype(np.uint8),
-    )  # fmt: skip
+    )
 
 
 def nearest_on(

@@ -114,10 +114,12 @@ def head_limb(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArr
     control = np.unique(part.sources)
     scale = np.array(body.anatomy.face) * body.anatomy.scale
     rest = (mesh.vertices[control] - origin) * scale
-    units = np.array([
-        mesh.units[name][control] * scale if name in mesh.units else np.zeros_like(rest)
-        for name in body.unit_names
-    ])  # fmt: skip
+    units = np.array(
+        [
+            mesh.units[name][control] * scale if name in mesh.units else np.zeros_like(rest)
+            for name in body.unit_names
+        ]
+    )
     reference = voice.face.mean.astype(np.float64)
 
     def seen(pose: BodyPose) -> tuple[FloatArray, FloatArray]:
@@ -144,9 +146,13 @@ def hand_limb(mesh: Mesh, part: Part, body: Body, voice: Voice, origin: FloatArr
     weights = arm_weights(mesh)[control]
     lengths = raw["arm_lengths"] * anatomy.scale
     rest, origins = stretch(
-        (mesh.vertices[control] - origin) * anatomy.scale, weights, raw["arm_frames"],
-        raw["arm_origins"] * anatomy.scale, arm_parents(), bone_factors(anatomy, lengths),
-    )  # fmt: skip
+        (mesh.vertices[control] - origin) * anatomy.scale,
+        weights,
+        raw["arm_frames"],
+        raw["arm_origins"] * anatomy.scale,
+        arm_parents(),
+        bone_factors(anatomy, lengths),
+    )
     skin = Skin(rest, weights, raw["arm_frames"], origins)
     reference = voice.hand.shape(np.zeros((1, voice.hand.n_shape)))[0]
 
@@ -169,9 +175,13 @@ def _fit(body: Body, seen: Any, decoded: Any, reference: FloatArray, rank: int) 
     markers, vertices = seen(lesson)
     rest_markers, rest = markers.mean(axis=0), vertices.mean(axis=0)
     found = learn(
-        np.concatenate([markers, decoded(lesson)]), np.concatenate([vertices, vertices]),
-        ridge=RIDGE_MM2, rank=rank, rest_markers=rest_markers, rest=rest,
-    )  # fmt: skip
+        np.concatenate([markers, decoded(lesson)]),
+        np.concatenate([vertices, vertices]),
+        ridge=RIDGE_MM2,
+        rank=rank,
+        rest_markers=rest_markers,
+        rest=rest,
+    )
     markers, vertices = seen(exam)
     errors = {
         what: float(np.linalg.norm(found.vertices(m) - vertices, axis=-1).mean())

@@ -69,8 +69,11 @@ def motion_shares(mesh: Mesh, control: IntArray, body: Body, voice: Voice) -> Fl
     at_markers = body.face_skin.weights @ share
     order = np.argsort(at_markers)
     at_control = neck_weights(mesh)[control] @ share
-    weights = np.stack([
-        np.interp(at_control, [0, *at_markers[order], 1], [0, *values[order], 1])
-        for values in (voice.face.weights[:, :3].mean(1), voice.face.weights[:, 3:].mean(1))
-    ], axis=1)  # fmt: skip
+    weights = np.stack(
+        [
+            np.interp(at_control, [0, *at_markers[order], 1], [0, *values[order], 1])
+            for values in (voice.face.weights[:, :3].mean(1), voice.face.weights[:, 3:].mean(1))
+        ],
+        axis=1,
+    )
     return np.asarray(np.clip(weights, 0, 1))

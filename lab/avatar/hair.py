@@ -31,8 +31,10 @@ _CARRIERS = np.array([(0.0, 806.0, 136.0), (0.0, 750.0, -39.0), (0.0, 790.0, -33
 """Points of the skull that carry the hair; no strand is 128 mm from their mean, the longest
 offset."""
 
-_COLUMNS, _STEPS_MM = 300, (-3.0, -1.2, 0.6, 2.6, 6.0, 11.0, 18.0, 27.0, 38.0, 52.0, 68.0, 86.0,
-                            106.0, 128.0)  # fmt: skip
+_COLUMNS, _STEPS_MM = (
+    300,
+    (-3.0, -1.2, 0.6, 2.6, 6.0, 11.0, 18.0, 27.0, 38.0, 52.0, 68.0, 86.0, 106.0, 128.0),
+)
 """Strands, and lengths in mm along each of them from the hairline."""
 
 _BEHIND_MM = -14.0
@@ -94,10 +96,12 @@ def hair(points: FloatArray, triangles: IntArray, carriers: IntArray, look: Look
     quads = quads[(flat[quads][..., 2] > _BEHIND_MM).any(axis=1)]
     used, inverse = np.unique(quads, return_inverse=True)
     return Part(
-        np.tile(carriers, (len(used), 1)), np.full((len(used), 3), 1 / 3),
+        np.tile(carriers, (len(used), 1)),
+        np.full((len(used), 3), 1 / 3),
         flat[used] - points[carriers].mean(axis=0),
-        triangulate(inverse.reshape(quads.shape)), np.clip(colours[used], 0, 255).astype(np.uint8),
-    )  # fmt: skip
+        triangulate(inverse.reshape(quads.shape)),
+        np.clip(colours[used], 0, 255).astype(np.uint8),
+    )
 
 
 def hair_carriers(points: FloatArray) -> IntArray:
@@ -127,9 +131,14 @@ def depth_deg(points: FloatArray) -> FloatArray:
 def _direction(azimuth_deg: FloatArray, elevation_deg: FloatArray) -> FloatArray:
     """Return unit vectors (N, 3); azimuth zero faces the viewer."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
-    return np.stack([
-        np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation),
-    ], axis=-1)  # fmt: skip
+    return np.stack(
+        [
+            np.sin(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+            np.cos(azimuth) * np.cos(elevation),
+        ],
+        axis=-1,
+    )
 
 
 def _noise(random: np.random.Generator, count: int) -> FloatArray:

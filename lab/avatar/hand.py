@@ -6,14 +6,7 @@ from codec.cuer.layout import FINGERS, HAND_MARKERS
 from lab.avatar.head import SLEEVE_MM, hollowness
 from lab.avatar.looks import Look
 from lab.avatar.paint import blend
-from lab.avatar.parts import (
-    FloatArray,
-    IntArray,
-    Part,
-    cut,
-    plain,
-    triangulate,
-)
+from lab.avatar.parts import FloatArray, IntArray, Part, cut, plain, triangulate
 
 _UNDER_MM = 8.0
 """How far the skin goes on below the sleeve, mm."""

@@ -180,9 +180,13 @@ def _skin(limbs: Limbs, face: FloatArray, triangles: IntArray, rings: IntArray, 
     sleeve = cut(triangles[of_arm & ~at_cuff], points, lambda p: np.ones(len(p)))
     parts = []
     for cloth, lift_mm, colour in (
-        (bare, 0.0, None), (fine, _LIFT_MM, None), (shirt, 1.4, look.cloth),
-        (sleeve, 3.2, look.cloth), (above_cuff, 3.2, look.cloth), (cuff, 2.6, look.hem),
-    ):  # fmt: skip
+        (bare, 0.0, None),
+        (fine, _LIFT_MM, None),
+        (shirt, 1.4, look.cloth),
+        (sleeve, 3.2, look.cloth),
+        (above_cuff, 3.2, look.cloth),
+        (cuff, 2.6, look.hem),
+    ):
         # The hem lies close under the sleeve's end: neither of them is divided.
         sources, shares, small = (
             cloth if cloth is cuff or cloth is above_cuff else divided(points, normals, *cloth)

@@ -34,15 +34,21 @@ def finger_joints(cuer: str) -> tuple[dict[str, NDArray[np.float32]], float]:
 
     markers, joints = seen(LESSON)
     found = learn(
-        markers, joints, ridge=RIDGE_MM2, rank=_RANK,
-        rest_markers=markers.mean(axis=0), rest=joints.mean(axis=0),
-    )  # fmt: skip
+        markers,
+        joints,
+        ridge=RIDGE_MM2,
+        rank=_RANK,
+        rest_markers=markers.mean(axis=0),
+        rest=joints.mean(axis=0),
+    )
     markers, joints = seen(EXAM)
     error = float(np.linalg.norm(found.vertices(markers) - joints, axis=-1).mean())
     arrays = {
-        "markers": found.rest_markers, "rest": found.rest, "coefficients": found.coefficients,
+        "markers": found.rest_markers,
+        "rest": found.rest,
+        "coefficients": found.coefficients,
         "basis": found.basis,
-    }  # fmt: skip
+    }
     return {name: array.astype(np.float32) for name, array in arrays.items()}, error
 
 

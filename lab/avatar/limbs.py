@@ -106,9 +106,14 @@ def pose_limbs(mesh: Mesh, forearm: FloatArray) -> Limbs:
         shoulders.append(shoulder)
     right = weights[:, 1:3].sum(axis=1) > 0.5
     return Limbs(
-        replace(mesh, vertices=vertices), np.clip(weights, 0, 1), np.array(roots),
-        np.array(shoulders), forearm, right, weights[:, 2] > 0.95,
-    )  # fmt: skip
+        replace(mesh, vertices=vertices),
+        np.clip(weights, 0, 1),
+        np.array(roots),
+        np.array(shoulders),
+        forearm,
+        right,
+        weights[:, 2] > 0.95,
+    )
 
 
 def forearm_points(mesh: Mesh) -> FloatArray:

@@ -52,9 +52,14 @@ def read_target(folder: Path, name: str, count: int) -> FloatArray:
 
 
 def morph(
-    mesh: Mesh, look: Look, folder: Path, face: tuple[FloatArray, FloatArray],
-    rings: IntArray, inside: IntArray, balls: list[IntArray],
-) -> FloatArray:  # fmt: skip
+    mesh: Mesh,
+    look: Look,
+    folder: Path,
+    face: tuple[FloatArray, FloatArray],
+    rings: IntArray,
+    inside: IntArray,
+    balls: list[IntArray],
+) -> FloatArray:
     """Return the displacement (V, 3) of the mesh for a look, mm.
 
     Parameters

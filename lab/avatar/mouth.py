@@ -228,9 +228,14 @@ def _tip(x: FloatArray, row: int) -> FloatArray:
 
 
 def _tooth(
-    length: tuple[FloatArray, FloatArray], start: float, width: float, height: float,
-    row: int, number: int, side: int,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    length: tuple[FloatArray, FloatArray],
+    start: float,
+    width: float,
+    height: float,
+    row: int,
+    number: int,
+    side: int,
+) -> tuple[FloatArray, FloatArray]:
     """Return the vertices (36, 3) and colours (36, 5) of the face of one tooth."""
     up = 1.0 if row == 0 else -1.0
     across = np.linspace(-1, 1, _N)
@@ -272,9 +277,11 @@ def _gum(
     rows = []
     for lift, forward in ((below - 0.6, 0.3), (below + 0.5, 0.9), (3.0, 1.2), (9.0, 0.4)):
         y = _tip(on[:, 0], row) + up * (height + lift)
-        rows.append(np.stack(
-            [on[:, 0] + forward * out[:, 0], y, _front(row) + on[:, 1] + forward * out[:, 1]], 1
-        ))  # fmt: skip
+        rows.append(
+            np.stack(
+                [on[:, 0] + forward * out[:, 0], y, _front(row) + on[:, 1] + forward * out[:, 1]], 1
+            )
+        )
     at = np.stack(rows, axis=1).reshape(-1, 3)
     colours = plain(GUM, 130, len(at))
     aside = np.clip(1 - 0.0011 * at[:, 0] ** 2, 0.25, 1) * (0.8 if row else 0.95)

@@ -50,9 +50,12 @@ def skin_colours(
     cheek = face[FACE_MARKERS.index("CK1_L")] * [1, 1, 1]
     cheek[0] = abs(cheek[0])
     for middle, size, share in (
-        (cheek, 21, 0.42), (np.array([0, 703, 168]), 11, 0.34), (np.array([0, 634, 150]), 13, 0.2),
-        (np.array([80, 715, 50]), 22, 0.4), (np.array([20, 540, 90]), 55, 0.16),
-    ):  # fmt: skip
+        (cheek, 21, 0.42),
+        (np.array([0, 703, 168]), 11, 0.34),
+        (np.array([0, 634, 150]), 13, 0.2),
+        (np.array([80, 715, 50]), 22, 0.4),
+        (np.array([20, 540, 90]), 55, 0.16),
+    ):
         near = np.exp(-((np.linalg.norm(aside - middle, axis=1) / size) ** 2))
         blend(colours, look.blush, share * near)
     shade = np.array(look.skin) * [0.74, 0.66, 0.68]

@@ -68,9 +68,12 @@ def take(quads: IntArray, colours: FloatArray) -> Part:
     used, inverse = np.unique(quads, return_inverse=True)
     n = len(used)
     return Part(
-        np.repeat(used[:, None], 3, axis=1), np.full((n, 3), 1 / 3), np.zeros((n, 3)),
-        triangulate(inverse.reshape(quads.shape)), colours[used].round().astype(np.uint8),
-    )  # fmt: skip
+        np.repeat(used[:, None], 3, axis=1),
+        np.full((n, 3), 1 / 3),
+        np.zeros((n, 3)),
+        triangulate(inverse.reshape(quads.shape)),
+        colours[used].round().astype(np.uint8),
+    )
 
 
 def join(parts: list[Part]) -> Part:
@@ -90,9 +93,12 @@ def without(part: Part, hidden: NDArray[np.bool_]) -> Part:
     left = part.triangles[~hidden]
     used, inverse = np.unique(left, return_inverse=True)
     return Part(
-        part.sources[used], part.shares[used], part.offsets[used], inverse.reshape(left.shape),
+        part.sources[used],
+        part.shares[used],
+        part.offsets[used],
+        inverse.reshape(left.shape),
         part.colours[used],
-    )  # fmt: skip
+    )
 
 
 def plain(colour: tuple[int, int, int], gloss: int, count: int) -> FloatArray:
@@ -144,9 +150,12 @@ def eyeball(vertices: FloatArray, ball: IntArray, look: Look) -> Part:
     quads = np.stack([a, a + n, b + n, b], axis=-1).reshape(-1, 4)
     anchor = np.full((len(points), 3), ball[0])
     return Part(
-        anchor, np.full((len(points), 3), 1 / 3), points - vertices[ball[0]],
-        triangulate(quads), painted.astype(np.uint8),
-    )  # fmt: skip
+        anchor,
+        np.full((len(points), 3), 1 / 3),
+        points - vertices[ball[0]],
+        triangulate(quads),
+        painted.astype(np.uint8),
+    )
 
 
 _BROW_STEPS = 30
@@ -222,10 +231,13 @@ def tessellate(triangles: IntArray, n: int) -> tuple[IntArray, FloatArray, IntAr
     shares = np.tile(np.array(steps)[:, [2, 0, 1]], (len(triangles), 1))
     # The same place on a common edge has the same corners with the same weights: make it one.
     order = np.argsort(np.where(shares > 0, sources, -1), axis=1)
-    names = np.concatenate([
-        np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
-        np.take_along_axis(shares, order, axis=1),
-    ], axis=1)  # fmt: skip
+    names = np.concatenate(
+        [
+            np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
+            np.take_along_axis(shares, order, axis=1),
+        ],
+        axis=1,
+    )
     _, first, inverse = np.unique(names, axis=0, return_index=True, return_inverse=True)
     starts = np.arange(len(triangles))[:, None, None] * len(steps)
     fine = (starts + np.array(small)[None]).reshape(-1, 3)
@@ -262,10 +274,13 @@ def cut(
     shares = np.concatenate([corners for _, corners in found])
     shares = np.where(shares < 1e-9, 0, shares)
     order = np.argsort(np.where(shares > 0, sources, -1), axis=1)
-    named = np.concatenate([
-        np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
-        np.take_along_axis(shares, order, axis=1).round(4),
-    ], axis=1)  # fmt: skip
+    named = np.concatenate(
+        [
+            np.take_along_axis(np.where(shares > 0, sources, -1), order, axis=1),
+            np.take_along_axis(shares, order, axis=1).round(4),
+        ],
+        axis=1,
+    )
     _, first, inverse = np.unique(named, axis=0, return_index=True, return_inverse=True)
     return sources[first], shares[first], inverse.reshape(-1, 3)
 

@@ -26,9 +26,12 @@ def rounded(
 
 
 def divided(
-    points: FloatArray, normals: FloatArray, sources: IntArray, shares: FloatArray,
+    points: FloatArray,
+    normals: FloatArray,
+    sources: IntArray,
+    shares: FloatArray,
     triangles: IntArray,
-) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
+) -> tuple[IntArray, FloatArray, IntArray]:
     """Return a surface whose bent edges have a vertex in the middle; `rounded` bulges it.
 
     An edge is divided if it joins two vertices of the mesh and two triangles share it: no gaps
@@ -62,9 +65,10 @@ def divided(
     for corners, between in zip(triangles, number[of_edge.reshape(-1, 3)], strict=True):
         small += _pieces(list(corners), list(between))
     return (
-        np.concatenate([sources, middles[bent]]), np.concatenate([shares, half[bent]]),
+        np.concatenate([sources, middles[bent]]),
+        np.concatenate([shares, half[bent]]),
         np.array(small),
-    )  # fmt: skip
+    )
 
 
 def _pieces(corners: list[int], between: list[int]) -> list[tuple[int, int, int]]:

@@ -163,10 +163,7 @@ def over(item: Spoken, other: Sound, decibels: float) -> Spoken:
 
 
 def conditions(
-    items: Sequence[Spoken],
-    music: Sequence[Sound],
-    sung: Sequence[Sound],
-    rng: np.random.Generator,
+    items: Sequence[Spoken], music: Sequence[Sound], sung: Sequence[Sound], rng: np.random.Generator
 ) -> Iterator[Spoken]:
     """Yield the recordings as they are, over music, over songs, and harder still.
 
@@ -227,8 +224,9 @@ def learn(frames: Frames, rng: np.random.Generator) -> dict[str, NDArray[np.floa
     features, labels = frames
     mean, spread = features.mean(axis=0), features.std(axis=0) + np.float32(1e-3)
     layer: list[NDArray[np.float32]] = [
-        np.zeros((features.shape[1], len(PHONES)), np.float32), np.zeros(len(PHONES), np.float32),
-    ]  # fmt: skip
+        np.zeros((features.shape[1], len(PHONES)), np.float32),
+        np.zeros(len(PHONES), np.float32),
+    ]
     moments = [(np.zeros_like(p), np.zeros_like(p)) for p in layer]
     steps = _PASSES * (len(labels) // _BATCH)
     order = np.concatenate([rng.permutation(len(labels)) for _ in range(_PASSES)])

@@ -26,10 +26,13 @@ _VERSION = 6
 """Version of the container that is read."""
 
 _BLOCK = {
-    "self_attention/layer_norm": "attention", "self_attention/linear_0": "attention.in",
-    "self_attention/linear_1": "attention.out", "ffn/layer_norm": "feed", "ffn/linear_0": "feed.in",
+    "self_attention/layer_norm": "attention",
+    "self_attention/linear_0": "attention.in",
+    "self_attention/linear_1": "attention.out",
+    "ffn/layer_norm": "feed",
+    "ffn/linear_0": "feed.in",
     "ffn/linear_1": "feed.out",
-}  # fmt: skip
+}
 """Parts of a block: Whisper's names and ours."""
 
 _PART = {"weight": "weight", "bias": "bias", "gamma": "gain", "beta": "shift"}

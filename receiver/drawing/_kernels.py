@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from codec.compiled import njit
 from receiver.drawing._light_kernels import light_places
 from receiver.drawing._shadow_kernels import shadow_reach
-from receiver.drawing._visibility_kernels import (
-    BAND,
-    bounds_of,
-    cover_row,
-    find,
-    see,
-    sort_by_band,
-)
+from receiver.drawing._visibility_kernels import BAND, bounds_of, cover_row, find, see, sort_by_band
 
 FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
@@ -113,9 +106,13 @@ def draw_triangles(
 
 @njit(cache=True)
 def mix(
-    n: int, members: IntArray, lit: FloatArray, mixed: NDArray[np.bool_], samples: FloatArray,
+    n: int,
+    members: IntArray,
+    lit: FloatArray,
+    mixed: NDArray[np.bool_],
+    samples: FloatArray,
     pixels: FloatArray,
-) -> None:  # fmt: skip
+) -> None:
     """Lay lit places over pixels (rows, width, 4) of a band, or over samples where they mix."""
     for i in range(n):
         row, x = members[i] >> 16, members[i] >> 4 & 4095

@@ -10,9 +10,12 @@ FloatArray = NDArray[np.float64]
 
 @njit(cache=True)
 def refine_into(
-    control: FloatArray, sources: NDArray[np.int64], shares: FloatArray, offsets: FloatArray,
+    control: FloatArray,
+    sources: NDArray[np.int64],
+    shares: FloatArray,
+    offsets: FloatArray,
     out: FloatArray,
-) -> None:  # fmt: skip
+) -> None:
     """Fill `out` (T, V, 3) with means of a mesh (T, M, 3), by sources and shares (V, 3)."""
     for t in range(len(control)):
         for v in range(len(sources)):

@@ -124,9 +124,10 @@ def see(
         for i in range(n):
             y = start + 0.25 * i
             if (
-                (a0 == 0 and b0 * y + c0 < 0) or (a1 == 0 and b1 * y + c1 < 0)
+                (a0 == 0 and b0 * y + c0 < 0)
+                or (a1 == 0 and b1 * y + c1 < 0)
                 or (a2 == 0 and b2 * y + c2 < 0)
-            ):  # fmt: skip
+            ):
                 ends[i] = firsts[i]
     step = np.float32(across)
     for i in range(n):

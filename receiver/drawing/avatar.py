@@ -201,8 +201,9 @@ class Avatar:
         up = RULES["lids_per_rad"] * gaze_in_head(added, pose)[:, 1]
         lids = {
             f"eyeLook{way}{side}": np.clip(sign * up, 0, 1)
-            for way, sign in (("Up", 1), ("Down", -1)) for side in ("Left", "Right")
-        }  # fmt: skip
+            for way, sign in (("Up", 1), ("Down", -1))
+            for side in ("Left", "Right")
+        }
         return added.shapes | lids
 
     def turn_eyes(self, points: FloatArray, gaze: FloatArray) -> None:
@@ -309,16 +310,21 @@ def _mouth(arrays: Mapping[str, NDArray[Any]], turn: FloatArray, shift: FloatArr
 
 
 def _skeleton(
-    arrays: Mapping[str, NDArray[Any]], of_head: tuple[FloatArray, FloatArray],
+    arrays: Mapping[str, NDArray[Any]],
+    of_head: tuple[FloatArray, FloatArray],
     of_hand: tuple[FloatArray, FloatArray],
-) -> Skeleton:  # fmt: skip
+) -> Skeleton:
     places = arrays["joint_places"].astype(np.float64) @ of_head[0] + of_head[1]
     in_hand = arrays["joint_forearm"].astype(np.float64) @ of_hand[0] + of_hand[1]
     vertices = np.flatnonzero(arrays["joint_weights"].any(axis=1))
     return Skeleton(
-        vertices, arrays["joint_weights"][vertices] / 255, places[:2], places[2:4], places[4],
+        vertices,
+        arrays["joint_weights"][vertices] / 255,
+        places[:2],
+        places[2:4],
+        places[4],
         between(places[4:], in_hand),
-    )  # fmt: skip
+    )
 
 
 def _shapes(
@@ -350,12 +356,17 @@ def _surface(arrays: Mapping[str, NDArray[Any]], name: str, reference: NDArray[A
     moving = a["moving"].astype(np.int64)
     coefficients = a["coefficients"].astype(np.float64).reshape(len(a["markers"]), 3, -1)
     return Surface(
-        a["markers"] @ turn + shift, a["rest"] @ turn + shift,
+        a["markers"] @ turn + shift,
+        a["rest"] @ turn + shift,
         np.einsum("kir,ij->kjr", coefficients, turn).reshape(-1, coefficients.shape[2]),
-        a["basis"].astype(np.float64).reshape(-1, len(moving), 3) @ turn, moving,
-        a["sources"].astype(np.int64), a["shares"] / SHARE_UNIT,
-        a["offsets"] @ turn / OFFSET_UNIT, a["triangles"].astype(np.int64), a["colours"],
-    )  # fmt: skip
+        a["basis"].astype(np.float64).reshape(-1, len(moving), 3) @ turn,
+        moving,
+        a["sources"].astype(np.int64),
+        a["shares"] / SHARE_UNIT,
+        a["offsets"] @ turn / OFFSET_UNIT,
+        a["triangles"].astype(np.int64),
+        a["colours"],
+    )
 
 
 def vertex_normals(points: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:

@@ -111,7 +111,7 @@ def _joint_arrays(skeleton: Skeleton) -> dict[str, Any]:
         "joint_factors": skeleton.reach.factors.astype("<f4"),
         "joint_vertices": skeleton.vertices.astype("<u2"),
         "joint_weights": np.rint(255 * skeleton.weights).astype("u1"),
-    }  # fmt: skip
+    }
 
 
 def _shape_arrays(shapes: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]) -> dict[str, Any]:
@@ -163,10 +163,14 @@ def read_avatar(data: bytes, voice: Voice) -> Avatar:
         joint = {k.removeprefix("joint_"): v for k, v in a.items() if k.startswith("joint_")}
         reach = Reach(_rows(joint["places"]), _rows(joint["factors"]))
         skeleton = Skeleton(
-            joint["vertices"].astype(np.int64), joint["weights"].reshape(-1, 4) / 255,
-            _rows(joint["roots"]), _rows(joint["shoulders"]), _rows(joint["elbow"])[0],
-            joint["forearm"].astype(np.float64), reach,
-        )  # fmt: skip
+            joint["vertices"].astype(np.int64),
+            joint["weights"].reshape(-1, 4) / 255,
+            _rows(joint["roots"]),
+            _rows(joint["shoulders"]),
+            _rows(joint["elbow"])[0],
+            joint["forearm"].astype(np.float64),
+            reach,
+        )
         avatar = Avatar(
             voice, _surface_of(a, "head"), _surface_of(a, "hand"),
             a["head_weights"].reshape(-1, 2).astype(np.float64), _mouth_of(a),
@@ -206,24 +210,33 @@ def _surface_of(a: Mapping[str, NDArray[Any]], prefix: str) -> Surface:
     moving = own["moving"].astype(np.int64)
     coefficients = own["coefficients"].reshape(own["markers"].size, -1).astype(np.float64)
     return Surface(
-        _rows(own["markers"]), _rows(own["rest"]), coefficients,
-        own["basis"].reshape(coefficients.shape[1], len(moving), 3).astype(np.float64), moving,
-        own["sources"].reshape(-1, 3).astype(np.int64), _rows(own["shares"]) / SHARE_UNIT,
-        _rows(own["offsets"]) / OFFSET_UNIT, own["triangles"].reshape(-1, 3).astype(np.int64),
+        _rows(own["markers"]),
+        _rows(own["rest"]),
+        coefficients,
+        own["basis"].reshape(coefficients.shape[1], len(moving), 3).astype(np.float64),
+        moving,
+        own["sources"].reshape(-1, 3).astype(np.int64),
+        _rows(own["shares"]) / SHARE_UNIT,
+        _rows(own["offsets"]) / OFFSET_UNIT,
+        own["triangles"].reshape(-1, 3).astype(np.int64),
         own["colours"].reshape(-1, 5),
-    )  # fmt: skip
+    )
 
 
 def _mouth_of(a: Mapping[str, NDArray[Any]]) -> Mouth:
     whole = {name: a[f"mouth_{name}"].astype(np.int64) for name in ("upper", "lower", "beside")}
     columns = a["mouth_rings"].size // 13
     return Mouth(
-        a["mouth_rings"].reshape(13, columns).astype(np.int64), whole["upper"], whole["lower"],
-        whole["beside"], a["mouth_between"].astype(np.float64),
+        a["mouth_rings"].reshape(13, columns).astype(np.int64),
+        whole["upper"],
+        whole["lower"],
+        whole["beside"],
+        a["mouth_between"].astype(np.float64),
         a["mouth_lining"].reshape(6, columns, 3).astype(np.float64),
-        a["mouth_arch"].reshape(2, 5).astype(np.float64), int(a["mouth_jaw"][0]),
+        a["mouth_arch"].reshape(2, 5).astype(np.float64),
+        int(a["mouth_jaw"][0]),
         a["mouth_jaw_rest"].astype(np.float64),
-    )  # fmt: skip
+    )
 
 
 def _check(avatar: Avatar) -> None:
@@ -231,15 +244,18 @@ def _check(avatar: Avatar) -> None:
     head, hand, mouth = avatar.head, avatar.hand, avatar.mouth
     vertices = len(head.sources)
     limits = [
-        (avatar.eye_ranges.sum(axis=1), vertices + 1), (avatar.skeleton.vertices, len(head.rest)),
-        (mouth.rings, len(head.rest)), (np.array([mouth.jaw]), len(head.rest)),
+        (avatar.eye_ranges.sum(axis=1), vertices + 1),
+        (avatar.skeleton.vertices, len(head.rest)),
+        (mouth.rings, len(head.rest)),
+        (np.array([mouth.jaw]), len(head.rest)),
         *((found[0], len(head.rest)) for found in avatar.shapes.values()),
-    ]  # fmt: skip
+    ]
     for surface in (head, hand):
         limits += [
-            (surface.sources, len(surface.rest)), (surface.moving, len(surface.rest)),
+            (surface.sources, len(surface.rest)),
+            (surface.moving, len(surface.rest)),
             (surface.triangles, len(surface.sources)),
-        ]  # fmt: skip
+        ]
         for array in (surface.rest, surface.coefficients, surface.markers):
             if not np.isfinite(array).all():
                 raise ValueError("numbers are not finite")

@@ -38,9 +38,14 @@ class MarkerMap:
 
 
 def learn(
-    markers: FloatArray, vertices: FloatArray, *, ridge: float, rank: int,
-    rest_markers: FloatArray, rest: FloatArray,
-) -> MarkerMap:  # fmt: skip
+    markers: FloatArray,
+    vertices: FloatArray,
+    *,
+    ridge: float,
+    rank: int,
+    rest_markers: FloatArray,
+    rest: FloatArray,
+) -> MarkerMap:
     """Fit a map to samples.
 
     Parameters

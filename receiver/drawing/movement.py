@@ -191,10 +191,15 @@ def _nod(
 
 
 def _trunk(t: FloatArray, lately: FloatArray, breath: FloatArray) -> FloatArray:
-    return np.stack([
-        _waves(t, RULES["trunk_waves"][k]) + RULES["trunk_raised_mm"][k] * lately
-        + RULES["trunk_breath_mm"][k] * breath for k in range(3)
-    ], axis=1)  # fmt: skip
+    return np.stack(
+        [
+            _waves(t, RULES["trunk_waves"][k])
+            + RULES["trunk_raised_mm"][k] * lately
+            + RULES["trunk_breath_mm"][k] * breath
+            for k in range(3)
+        ],
+        axis=1,
+    )
 
 
 def _fixation(t: FloatArray, lately: FloatArray) -> FloatArray:
@@ -258,15 +263,15 @@ def _face(
     found = dict.fromkeys(_SHAPES_OF_A_BLINK, open_ + (1 - open_) * shut)
     for side in ("Left", "Right"):
         found |= {
-            f"browOuterUp{side}": raise_, f"browDown{side}": knit,
-            f"eyeSquint{side}": squint * (1 - shut), f"cheekSquint{side}": cheek,
+            f"browOuterUp{side}": raise_,
+            f"browDown{side}": knit,
+            f"eyeSquint{side}": squint * (1 - shut),
+            f"cheekSquint{side}": cheek,
             f"eyeWide{side}": wide,
-        }  # fmt: skip
+        }
     return found | {"browInnerUp": 0.6 * raise_}
 
 
 def movement_document(voice: Voice) -> dict[str, Any]:
     """Return the table for the page: `RULES`, the voice's signals and its throat."""
-    return RULES | {
-        "signals": signals(voice).tolist(), "throat": throat_shares(voice).tolist(),
-    }  # fmt: skip
+    return RULES | {"signals": signals(voice).tolist(), "throat": throat_shares(voice).tolist()}

@@ -32,9 +32,13 @@ def _stamp(coverage: NDArray[np.float32], x: float, y: float, radius: float) -> 
 
 
 def draw_points(
-    picture: NDArray[np.uint8], markers: NDArray[np.floating], camera: Camera,
-    *, dot: float = 0.62, mirror: bool = False,
-) -> None:  # fmt: skip
+    picture: NDArray[np.uint8],
+    markers: NDArray[np.floating],
+    camera: Camera,
+    *,
+    dot: float = 0.62,
+    mirror: bool = False,
+) -> None:
     """Draw the cuer's markers into a picture, in place.
 
     Parameters

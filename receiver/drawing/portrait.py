@@ -23,16 +23,20 @@ face."""
 _VIEWER = np.array([0.0, 0.0, 1.0])
 _HALF = (_KEY + _VIEWER) / np.linalg.norm(_KEY + _VIEWER)
 
-LIGHT = np.array([
-    _KEY, _HALF,
-    [0.50, 0.32, 0.25],     # wrap: how far the key light reaches round
-    [0.95, 0.912, 0.855],   # strength of the key light
-    [0.170, 0.195, 0.220],  # light from everywhere
-    [0.187, 0.2145, 0.242], # light from above
-    [0.170, 0.190, 0.210],  # light on rims
-    [0.5, 0.5, 0.5],        # highlights of gloss 1
-    [1.0, 6.0, 40.0],       # shadow: share taken from the key; depth in mm that begins, halves it
-], dtype=np.float32)  # fmt: skip
+LIGHT = np.array(
+    [
+        _KEY,
+        _HALF,
+        [0.50, 0.32, 0.25],  # wrap: how far the key light reaches round
+        [0.95, 0.912, 0.855],  # strength of the key light
+        [0.170, 0.195, 0.220],  # light from everywhere
+        [0.187, 0.2145, 0.242],  # light from above
+        [0.170, 0.190, 0.210],  # light on rims
+        [0.5, 0.5, 0.5],  # highlights of gloss 1
+        [1.0, 6.0, 40.0],  # shadow: share taken from the key; depth in mm that begins, halves it
+    ],
+    dtype=np.float32,
+)
 """Directions and linear red, green, blue of the lights, and the shadow's strength."""
 
 SHADOW_SIDE = 256
@@ -123,9 +127,9 @@ def _cast_shadow(
 def _to_light(camera: Camera, width: int, height: int) -> NDArray[np.float32]:
     """Return the matrix from a place of the picture to texels and depth of the shadow's map."""
     unit, far = camera.height_mm / height, camera.distance_mm
-    back = np.array([
-        [unit, 0, -unit * width / 2, 0], [0, -unit, unit * height / 2, 0], [0, 0, -far, far],
-    ])  # fmt: skip
+    back = np.array(
+        [[unit, 0, -unit * width / 2, 0], [0, -unit, unit * height / 2, 0], [0, 0, -far, far]]
+    )
     matrix = FROM_LIGHT @ back / _SHADOW_UNITS[:, None]
     matrix[:2, 3] += SHADOW_SIDE / 2 - 0.5
     return np.asarray(matrix, dtype=np.float32)

@@ -149,9 +149,13 @@ def _nodded(voice: Voice, head: FloatArray, nod: FloatArray) -> FloatArray:
 
 
 def _carried(
-    voice: Voice, before: FloatArray, after: FloatArray, hand: FloatArray, markers: FloatArray,
+    voice: Voice,
+    before: FloatArray,
+    after: FloatArray,
+    hand: FloatArray,
+    markers: FloatArray,
     reach: Reach,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Return the hand's motion after it followed the skin at which it points."""
     tip, shares = _pointing(voice, hand, markers)
     pivot = voice.face.pivot

@@ -22,8 +22,13 @@ from receiver.drawing.movement import movement_document
 
 _FACE_ARRAYS = ("mean", "directions", "pivot", "motion_mean", "motion_directions", "weights")
 _HAND_ARRAYS = (
-    "angle_mean", "angle_directions", "regression", "pivot", "motion_mean", "motion_directions",
-)  # fmt: skip
+    "angle_mean",
+    "angle_directions",
+    "regression",
+    "pivot",
+    "motion_mean",
+    "motion_directions",
+)
 
 
 def _encode(array: ArrayLike) -> str:
@@ -85,5 +90,6 @@ def voice_document(voice: Voice, *, own_avatar: bool = False) -> dict[str, Any]:
 def _movement(voice: Voice) -> dict[str, Any]:
     targets = Targets.of(voice)
     return asdict(targets.movement) | {
-        "rest_gap_s": DEFAULT_OPTIONS.rest_gap_s, "places": targets.places.round(1).tolist(),
-    }  # fmt: skip
+        "rest_gap_s": DEFAULT_OPTIONS.rest_gap_s,
+        "places": targets.places.round(1).tolist(),
+    }

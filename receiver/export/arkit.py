@@ -47,8 +47,11 @@ def live_link_csv(motion: Motion, voice: Voice, avatar: Avatar) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     titles = [name[0].upper() + name[1:] for name in ARKIT_NAMES]
-    turns = [f"{part}{axis}" for part in ("Head", "LeftEye", "RightEye")
-             for axis in ("Yaw", "Pitch", "Roll")]  # fmt: skip
+    turns = [
+        f"{part}{axis}"
+        for part in ("Head", "LeftEye", "RightEye")
+        for axis in ("Yaw", "Pitch", "Roll")
+    ]
     writer.writerow(["Timecode", "BlendShapeCount", *titles, *turns])
     head = voice.face.motion(motion.params[:, voice.face_columns[7:]])
     for time_s, row, turn in zip(motion.times_s, arkit_weights(motion, avatar), head, strict=True):

@@ -37,9 +37,11 @@ _SCORE = (
 )  # fmt: skip
 _COEFFICIENT = ("magnitude", "inset")
 _FOR_SENDERS = (
-    "hand.deviations", "gestures.shape_targets", "gestures.placement_targets",
+    "hand.deviations",
+    "gestures.shape_targets",
+    "gestures.placement_targets",
     "gestures.neutral_head",
-)  # fmt: skip
+)
 _NONE = 255
 """Byte of a phone that has no shape or no placement."""
 
@@ -84,14 +86,13 @@ def packed(voice: Arrays, coding: Arrays, coding_identity: str, voice_identity: 
     count = len(coding["mean"])
     if count > MOST_PARAMETERS:
         raise VoiceError(f"{count} parameters, receivers have room for {MOST_PARAMETERS}")
-    body = b"".join(
-        [*_tables(), *_coding_planes(coding), *_voice_planes(voice)],
-    )
+    body = b"".join([*_tables(), *_coding_planes(coding), *_voice_planes(voice)])
     size = 40 + len(body) + DIGEST_BYTES
     widths = (
-        len(voice["face.motion_directions"]), len(voice["hand.motion_directions"]),
+        len(voice["face.motion_directions"]),
+        len(voice["hand.motion_directions"]),
         len(voice["hand.angle_mean"]),
-    )  # fmt: skip
+    )
     head = MAGIC + struct.pack("<4H", LAYOUT, *widths)
     head += bytes.fromhex(coding_identity) + bytes.fromhex(voice_identity)
     whole = head + struct.pack("<2I", size, 0) + body

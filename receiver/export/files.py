@@ -50,9 +50,11 @@ def _write(motion: Motion, voice: Voice, path: str, suffix: str, name: str) -> N
     match suffix:
         case ".c3d":
             write_c3d(
-                path, voice.reconstruct(motion.params), rate_hz=motion.rate_hz,
+                path,
+                voice.reconstruct(motion.params),
+                rate_hz=motion.rate_hz,
                 start_s=motion.start_s,
-            )  # fmt: skip
+            )
         case ".trc":
             text = trc(voice.reconstruct(motion.params), motion.rate_hz, name)
             Path(path).write_text(text, encoding="utf-8")

@@ -50,21 +50,30 @@ class _Builder:
         self.accessors: list[dict[str, Any]] = []
 
     def add(
-        self, values: ArrayLike, kind: str = "<f4", *, target: int | None = None,
-        normalised: bool = False, bounds: bool = False,
-    ) -> int:  # fmt: skip
+        self,
+        values: ArrayLike,
+        kind: str = "<f4",
+        *,
+        target: int | None = None,
+        normalised: bool = False,
+        bounds: bool = False,
+    ) -> int:
         """Append an array (N,) or (N, C); return the number of its accessor."""
         array = np.ascontiguousarray(values, dtype=kind)
         rows = array.reshape(len(array), -1)
         view: dict[str, Any] = {
-            "buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes,
-        }  # fmt: skip
+            "buffer": 0,
+            "byteOffset": len(self.data),
+            "byteLength": array.nbytes,
+        }
         if target is not None:
             view["target"] = target
         accessor: dict[str, Any] = {
-            "bufferView": len(self.views), "componentType": _KINDS[array.dtype.str[1:]],
-            "count": len(rows), "type": _TYPES[rows.shape[1]],
-        }  # fmt: skip
+            "bufferView": len(self.views),
+            "componentType": _KINDS[array.dtype.str[1:]],
+            "count": len(rows),
+            "type": _TYPES[rows.shape[1]],
+        }
         if normalised:
             accessor["normalized"] = True
         if bounds:
@@ -78,9 +87,12 @@ class _Builder:
 
 
 def _mesh(
-    build: _Builder, surface: Surface, name: str, targets: NDArray[np.float64],
+    build: _Builder,
+    surface: Surface,
+    name: str,
+    targets: NDArray[np.float64],
     influences: tuple[NDArray[np.float64], NDArray[np.int64]] | None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Return a mesh with morph targets (R, V, 3), and four weights and joints of each vertex."""
     rest = surface.refine(surface.rest[None])[0]
     colours = surface.colours.astype(np.float64) / 255
@@ -95,15 +107,18 @@ def _mesh(
         attributes["JOINTS_0"] = build.add(influences[1], "u1", target=_ARRAY_BUFFER)
     return {
         "name": name,
-        "primitives": [{
-            "attributes": attributes, "material": 0,
-            "indices": build.add(surface.triangles.ravel(), "<u2", target=_INDEX_BUFFER),
-            "targets": [
-                {"POSITION": build.add(t, target=_ARRAY_BUFFER, bounds=True)} for t in targets
-            ],
-        }],
+        "primitives": [
+            {
+                "attributes": attributes,
+                "material": 0,
+                "indices": build.add(surface.triangles.ravel(), "<u2", target=_INDEX_BUFFER),
+                "targets": [
+                    {"POSITION": build.add(t, target=_ARRAY_BUFFER, bounds=True)} for t in targets
+                ],
+            }
+        ],
         "weights": [0.0] * len(targets),
-    }  # fmt: skip
+    }
 
 
 def _influences(avatar: Avatar) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -228,9 +243,9 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
 
     def animate(node: int, path: str, values: NDArray[np.float64]) -> None:
         number = build.add(values.ravel() if path == "weights" else values)
-        animation["channels"].append({
-            "sampler": len(animation["samplers"]), "target": {"node": node, "path": path},
-        })  # fmt: skip
+        animation["channels"].append(
+            {"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}}
+        )
         animation["samplers"].append({"input": times, "output": number})
 
     order = np.argsort(avatar.head_weights[:, 0])
@@ -297,8 +312,12 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
 def _container(text: bytes, data: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     data += bytes(-len(data) % 4)
-    return b"".join([
-        struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(data)),
-        struct.pack("<I4s", len(text), b"JSON"), text,
-        struct.pack("<I4s", len(data), b"BIN\0"), data,
-    ])  # fmt: skip
+    return b"".join(
+        [
+            struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(data)),
+            struct.pack("<I4s", len(text), b"JSON"),
+            text,
+            struct.pack("<I4s", len(data), b"BIN\0"),
+            data,
+        ]
+    )

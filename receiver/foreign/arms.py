@@ -54,9 +54,14 @@ class Arms:
 
 
 def pose_arms(
-    scene: Scene, points: FloatArray, place: Mapping[str, FloatArray], voice: Voice,
-    motions: FloatArray, joints: FloatArray, reach: Reach,
-) -> Arms:  # fmt: skip
+    scene: Scene,
+    points: FloatArray,
+    place: Mapping[str, FloatArray],
+    voice: Voice,
+    motions: FloatArray,
+    joints: FloatArray,
+    reach: Reach,
+) -> Arms:
     """Pose both arms.
 
     Parameters
@@ -87,10 +92,15 @@ def pose_arms(
     posed = _hang_left(scene, posed, place)
     back = inverse(usual[None])
     in_hand = rigid_motion(posed[None], back)[0]
-    weights = np.stack([
-        scene.share("rightShoulder"), scene.share("rightUpperArm"), scene.share(*_RIGHT[1:]),
-        _left(scene) + scene.share("leftShoulder"),
-    ], axis=1)  # fmt: skip
+    weights = np.stack(
+        [
+            scene.share("rightShoulder"),
+            scene.share("rightUpperArm"),
+            scene.share(*_RIGHT[1:]),
+            _left(scene) + scene.share("leftShoulder"),
+        ],
+        axis=1,
+    )
     weights = np.rint(255 * np.clip(weights, 0, 1)) / 255
     moving = np.flatnonzero(weights.any(axis=1))
     roots = np.array([_root(place, side) for side in ("right", "left")])
@@ -143,9 +153,13 @@ def _find_elbow(
 
 
 def _pose_right(
-    scene: Scene, points: FloatArray, place: Mapping[str, FloatArray], elbow: FloatArray,
-    wrist: FloatArray, palm: FloatArray,
-) -> FloatArray:  # fmt: skip
+    scene: Scene,
+    points: FloatArray,
+    place: Mapping[str, FloatArray],
+    elbow: FloatArray,
+    wrist: FloatArray,
+    palm: FloatArray,
+) -> FloatArray:
     """Turn the arm about the shoulder, the forearm about the elbow and its own axis."""
     start, joint = place["rightUpperArm"], place["rightLowerArm"]
     share = np.clip(scene.share(*_RIGHT), 0, 1)
@@ -182,9 +196,13 @@ def short_way(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def swung(
-    points: FloatArray, start: FloatArray, joint: FloatArray, goal: FloatArray, share: FloatArray,
+    points: FloatArray,
+    start: FloatArray,
+    joint: FloatArray,
+    goal: FloatArray,
+    share: FloatArray,
     turn: FloatArray,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Stretch an arm and turn it about the shoulder by `share` (N,): the joint gets to `goal`."""
     axis = joint - start
     length = np.linalg.norm(axis)

@@ -157,9 +157,12 @@ def _placing(own: Face, scene: Scene, eyes: FloatArray) -> tuple[float, FloatArr
 
 
 def _surface(
-    control: NDArray[np.int64], rest: FloatArray, found: MarkerMap, moving: NDArray[np.int64],
+    control: NDArray[np.int64],
+    rest: FloatArray,
+    found: MarkerMap,
+    moving: NDArray[np.int64],
     painted: Painted,
-) -> Surface:  # fmt: skip
+) -> Surface:
     """Return a surface over the vertices `control`; `moving` of them follow the markers."""
     number = np.zeros(len(rest), dtype=np.int64)
     number[control] = np.arange(len(control))
@@ -173,9 +176,12 @@ def _surface(
 
 
 def _head_surface(
-    scene: Scene, arms: Arms, found: MarkerMap, moving: NDArray[np.int64],
+    scene: Scene,
+    arms: Arms,
+    found: MarkerMap,
+    moving: NDArray[np.int64],
     paints: tuple[NDArray[np.bool_], list[SkinMaterial]],
-) -> tuple[Surface, NDArray[np.int64]]:  # fmt: skip
+) -> tuple[Surface, NDArray[np.int64]]:
     """Return the surface of all but the hand, eyeballs last, and the scene's vertices under it."""
     balls = [scene.share(name) > 0.5 for name in ("rightEye", "leftEye")]
     painted = paint(scene, arms.points, *paints, _MOST)
@@ -183,9 +189,11 @@ def _head_surface(
     order = np.argsort(kind, kind="stable")
     back = np.argsort(order)
     painted = Painted(
-        painted.sources[order], painted.shares[order], back[painted.triangles],
+        painted.sources[order],
+        painted.shares[order],
+        back[painted.triangles],
         painted.colours[order],
-    )  # fmt: skip
+    )
     control = np.unique(painted.sources)
     return _surface(control, arms.points, found, moving, painted), control
 
@@ -216,9 +224,13 @@ def _hand_surface(
     markers = voice.hand.shape(lesson(voice, rng))
     vertices = repeat(markers)
     found = learn(
-        markers, vertices, ridge=_RIDGE_MM2, rank=_HAND_RANK,
-        rest_markers=markers.mean(axis=0), rest=vertices.mean(axis=0),
-    )  # fmt: skip
+        markers,
+        vertices,
+        ridge=_RIDGE_MM2,
+        rank=_HAND_RANK,
+        rest_markers=markers.mean(axis=0),
+        rest=vertices.mean(axis=0),
+    )
     unseen = voice.hand.shape(lesson(voice, rng)[-24:])
     error = float(np.linalg.norm(found.vertices(unseen) - repeat(unseen), axis=2).mean())
     rest = np.zeros_like(points)
@@ -241,9 +253,14 @@ def _assembled(
     skeleton = arms.skeleton
     kept = number[skeleton.vertices] >= 0
     skeleton = type(skeleton)(
-        number[skeleton.vertices[kept]], skeleton.weights[kept], skeleton.roots,
-        skeleton.shoulders, skeleton.elbow, skeleton.forearm, skeleton.reach,
-    )  # fmt: skip
+        number[skeleton.vertices[kept]],
+        skeleton.weights[kept],
+        skeleton.roots,
+        skeleton.shoulders,
+        skeleton.elbow,
+        skeleton.forearm,
+        skeleton.reach,
+    )
     follow = scene.share("head", "jaw", "leftEye", "rightEye") + _NECK_SHARE * scene.share("neck")
     follow = (np.clip(follow, 0, 1)[control][head.sources] * head.shares).sum(axis=1)
     ranges = []

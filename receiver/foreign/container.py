@@ -133,8 +133,9 @@ class Container:
             return np.zeros((0, width), kind)
         rows = np.lib.stride_tricks.as_strided(
             np.frombuffer(data, np.uint8, offset=start)[: stride * (count - 1) + size],
-            (count, size), (stride, 1),
-        )  # fmt: skip
+            (count, size),
+            (stride, 1),
+        )
         return np.ascontiguousarray(rows).view(kind)
 
     def _replace(self, values: FloatArray, sparse: Any, kind: np.dtype[Any]) -> None:

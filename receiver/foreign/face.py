@@ -61,9 +61,13 @@ def own_face(avatar: Avatar) -> Face:
     key = np.rint(20 * np.concatenate([still, opened], axis=1)).astype(np.int64)
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     return Face(
-        still[first], number.ravel()[avatar.head.triangles], opened[first], rounded[first],
-        avatar.eye_middles, avatar.head_weights[first, 0] > 0.5,
-    )  # fmt: skip
+        still[first],
+        number.ravel()[avatar.head.triangles],
+        opened[first],
+        rounded[first],
+        avatar.eye_middles,
+        avatar.head_weights[first, 0] > 0.5,
+    )
 
 
 def eye_places(scene: Scene) -> FloatArray:
@@ -77,10 +81,13 @@ def eye_places(scene: Scene) -> FloatArray:
     if {"rightEye", "leftEye"} <= set(scene.bones):
         return np.array([scene.place("rightEye"), scene.place("leftEye")])
     both = sum(
-        (scene.shapes[name] for name in ("blink", "eyeBlinkRight", "eyeBlinkLeft")
-         if name in scene.shapes),
+        (
+            scene.shapes[name]
+            for name in ("blink", "eyeBlinkRight", "eyeBlinkLeft")
+            if name in scene.shapes
+        ),
         np.zeros_like(scene.points),
-    )  # fmt: skip
+    )
     far = np.linalg.norm(both, axis=1)
     middle = scene.points[far > 0, 0].mean() if far.any() else 0.0
     found = []
@@ -111,9 +118,8 @@ def foreign_face(scene: Scene, points: FloatArray, eyes: FloatArray, scale: floa
 def mouth_shapes(scene: Scene) -> dict[str, FloatArray]:
     """Return the shapes of mouth and jaw; VRM's visemes only where there are no others."""
     found = {
-        name: moved for name, moved in scene.shapes.items()
-        if name.startswith(("jaw", "mouth"))
-    }  # fmt: skip
+        name: moved for name, moved in scene.shapes.items() if name.startswith(("jaw", "mouth"))
+    }
     return found or {name: scene.shapes[name] for name in VISEMES if name in scene.shapes}
 
 
@@ -175,9 +181,13 @@ def fit_face(
     vertices = np.tensordot(weights, moved[:, moving], axes=1)
     still = np.zeros((1, len(moving), 3))
     found = learn(
-        np.concatenate([markers, avatar.unit_rest[None]]), np.concatenate([vertices, still]),
-        ridge=_RIDGE_MM2, rank=min(_RANK, len(names)), rest_markers=avatar.unit_rest, rest=still[0],
-    )  # fmt: skip
+        np.concatenate([markers, avatar.unit_rest[None]]),
+        np.concatenate([vertices, still]),
+        ridge=_RIDGE_MM2,
+        rank=min(_RANK, len(names)),
+        rest_markers=avatar.unit_rest,
+        rest=still[0],
+    )
     near = np.isin(moving, other.triangles[corner])
     error = np.linalg.norm((found.vertices(markers) - vertices)[:, near], axis=2)
     return FaceMap(found, moving, float(error.mean()), float(lips.mean()))

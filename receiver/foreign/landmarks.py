@@ -191,9 +191,9 @@ def place_moves(own: Face, other: Face, places: dict[str, FloatArray]) -> dict[s
             found[name] = b["chin"] - a["chin"]
         elif name == "side":
             there = _likewise(a, b, place)
-            found[name] = np.array([
-                other.edge(there[1]) - own.edge(place[1]), there[1] - place[1], 0.0
-            ])  # fmt: skip
+            found[name] = np.array(
+                [other.edge(there[1]) - own.edge(place[1]), there[1] - place[1], 0.0]
+            )
         else:
             share, there = own.aside(place), _likewise(a, b, place)
             skin = [own.at_side(share, place[1]), other.at_side(share, there[1])]

@@ -166,9 +166,12 @@ def _decode(file: Container, number: int) -> NDArray[np.uint8]:
 
 
 def paint(
-    scene: Scene, points: FloatArray, chosen: NDArray[np.bool_], materials: list[SkinMaterial],
+    scene: Scene,
+    points: FloatArray,
+    chosen: NDArray[np.bool_],
+    materials: list[SkinMaterial],
     most: int,
-) -> Painted:  # fmt: skip
+) -> Painted:
     """Return the surface of some triangles in their colours.
 
     Parameters
@@ -240,9 +243,13 @@ def _levels(linear: FloatArray) -> FloatArray:
 
 
 def _differing(
-    corners: IntArray, uv: FloatArray, tints: FloatArray, number: IntArray, at: FloatArray,
+    corners: IntArray,
+    uv: FloatArray,
+    tints: FloatArray,
+    number: IntArray,
+    at: FloatArray,
     materials: list[SkinMaterial],
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Return by how many levels (F, 3) the picture on each edge differs from its ends' mean."""
     found = np.zeros((len(corners), 3))
     for k in range(3):
@@ -273,11 +280,15 @@ def _divide(
     uv6 = np.concatenate([uv, 0.5 * (uv + np.roll(uv, -1, axis=1))], axis=1)
     tint6 = np.concatenate([tints, 0.5 * (tints + np.roll(tints, -1, axis=1))], axis=1)
     pieces = {
-        0: [(0, 1, 2)], 1: [(0, 3, 2), (3, 1, 2)], 2: [(1, 4, 0), (4, 2, 0)],
-        4: [(2, 5, 1), (5, 0, 1)], 3: [(3, 1, 4), (0, 3, 4), (0, 4, 2)],
-        6: [(4, 2, 5), (1, 4, 5), (1, 5, 0)], 5: [(5, 0, 3), (2, 5, 3), (2, 3, 1)],
+        0: [(0, 1, 2)],
+        1: [(0, 3, 2), (3, 1, 2)],
+        2: [(1, 4, 0), (4, 2, 0)],
+        4: [(2, 5, 1), (5, 0, 1)],
+        3: [(3, 1, 4), (0, 3, 4), (0, 4, 2)],
+        6: [(4, 2, 5), (1, 4, 5), (1, 5, 0)],
+        5: [(5, 0, 3), (2, 5, 3), (2, 3, 1)],
         7: [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    }  # fmt: skip
+    }
     kind = ((middle >= 0) * [1, 2, 4]).sum(axis=1)
     rows, picks = [], []
     for pattern, triples in pieces.items():
@@ -316,17 +327,17 @@ def _coloured(
     if len(unique) > most:
         raise CueError(f"{name}: {len(unique)} vertices above the waist, {most} at most")
     total = np.bincount(place)[:, None]
-    mean = np.stack(
-        [np.bincount(place, colours[..., c].ravel()) for c in range(5)], axis=1
-    ) / total  # fmt: skip
+    mean = np.stack([np.bincount(place, colours[..., c].ravel()) for c in range(5)], axis=1) / total
     vertex = unique[:, 0]
     parts = np.rint(shares[vertex] * SHARE_UNIT)
     largest = parts.argmax(axis=1)
     parts[np.arange(len(parts)), largest] += SHARE_UNIT - parts.sum(axis=1)
     painted = Painted(
-        sources[vertex], parts / SHARE_UNIT, place.reshape(-1, 3),
+        sources[vertex],
+        parts / SHARE_UNIT,
+        place.reshape(-1, 3),
         np.clip(np.rint(mean), 0, 255).astype(np.uint8),
-    )  # fmt: skip
+    )
     double = np.array([material.double for material in materials])
     return _with_backs(painted, double[number], most)
 
@@ -346,4 +357,4 @@ def _with_backs(painted: Painted, double: NDArray[np.bool_], most: int) -> Paint
         np.concatenate([painted.shares, painted.shares[used]]),
         np.concatenate([painted.triangles, backs]),
         np.concatenate([painted.colours, painted.colours[used]]),
-    )  # fmt: skip
+    )

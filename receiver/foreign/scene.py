@@ -124,12 +124,17 @@ def read_scene(file: Container) -> Scene:
     triangles = np.concatenate(made.triangles)
     keep, renumbered = _weld(points @ turn.T, weights, moved)
     return Scene(
-        file.name, points[keep] @ turn.T, joints @ turn.T, named,
+        file.name,
+        points[keep] @ turn.T,
+        joints @ turn.T,
+        named,
         {bone: share[keep] for bone, share in weights.items()},
         {name: deltas[keep] for name, deltas in moved.items()},
-        renumbered[triangles], np.concatenate(made.uv), np.concatenate(made.tints),
+        renumbered[triangles],
+        np.concatenate(made.uv),
+        np.concatenate(made.tints),
         np.concatenate(made.materials),
-    )  # fmt: skip
+    )
 
 
 def _world(file: Container) -> tuple[FloatArray, IntArray]:
@@ -197,9 +202,13 @@ def _turn(name: str, joints: FloatArray, named: dict[str, int]) -> FloatArray:
 
 
 def _read_node(
-    file: Container, number: int, node: dict[str, Any], world: FloatArray,
-    shapes: dict[str, Binds], made: _Collected,
-) -> None:  # fmt: skip
+    file: Container,
+    number: int,
+    node: dict[str, Any],
+    world: FloatArray,
+    shapes: dict[str, Binds],
+    made: _Collected,
+) -> None:
     mesh = file.item("meshes", node["mesh"])
     skin = file.item("skins", node["skin"]) if "skin" in node else None
     primitives = mesh.get("primitives", [])
@@ -236,9 +245,12 @@ def _table(file: Container, accessor: Any, width: int) -> FloatArray:
 
 
 def _skinned(
-    file: Container, skin: dict[str, Any], attributes: dict[str, Any], points: FloatArray,
+    file: Container,
+    skin: dict[str, Any],
+    attributes: dict[str, Any],
+    points: FloatArray,
     world: FloatArray,
-) -> tuple[FloatArray, FloatArray, csr_matrix]:  # fmt: skip
+) -> tuple[FloatArray, FloatArray, csr_matrix]:
     """Return maps (V, 3, 3), points (V, 3) in the pose of rest, and shares of the nodes (V, N)."""
     nodes = skin.get("joints")
     if not isinstance(nodes, list) or not nodes or len(nodes) > _MAX_NODES:
@@ -284,9 +296,13 @@ def _skinned(
 
 
 def _read_shapes(
-    file: Container, mesh: int, primitive: dict[str, Any], maps: FloatArray,
-    shapes: dict[str, Binds], made: _Collected,
-) -> None:  # fmt: skip
+    file: Container,
+    mesh: int,
+    primitive: dict[str, Any],
+    maps: FloatArray,
+    shapes: dict[str, Binds],
+    made: _Collected,
+) -> None:
     targets = primitive.get("targets", [])
     targets = targets if isinstance(targets, list) else []
     for name, binds in shapes.items():
@@ -305,9 +321,12 @@ def _read_shapes(
 
 
 def _read_corners(
-    file: Container, primitive: dict[str, Any], attributes: dict[str, Any], count: int,
+    file: Container,
+    primitive: dict[str, Any],
+    attributes: dict[str, Any],
+    count: int,
     made: _Collected,
-) -> None:  # fmt: skip
+) -> None:
     if "indices" in primitive:
         indices = _table(file, primitive["indices"], 1)[:, 0].astype(np.int64)
     else:

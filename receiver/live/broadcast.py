@@ -165,9 +165,13 @@ class Broadcast:
         if self._line is not None:
             self._line.connect()
         with av.open(
-            self._line or self._source, "r", format=self._format, options=_OPTIONS,
-            timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S), **LENIENT,
-        ) as container:  # fmt: skip
+            self._line or self._source,
+            "r",
+            format=self._format,
+            options=_OPTIONS,
+            timeout=(READ_TIMEOUT_S, READ_TIMEOUT_S),
+            **LENIENT,
+        ) as container:
             self.metrics.add("connections_total")
             sound = next(iter(container.streams.audio), None)
             picture = next(iter(container.streams.video), None)

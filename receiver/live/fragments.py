@@ -100,14 +100,16 @@ class FragmentWriter:
         self._splitter = BoxSplitter()
         longest_s = _LONGEST_S["sound" if picture is None else "picture"]
         self._container = av.open(
-            self._splitter, "w", format="mp4",
+            self._splitter,
+            "w",
+            format="mp4",
             options={
                 "movflags": "frag_keyframe+empty_moov+default_base_moof+delay_moov+frag_discont",
                 "frag_duration": str(round(1e6 * longest_s)),
                 "use_editlist": "0",
                 "avoid_negative_ts": "disabled",
             },
-        )  # fmt: skip
+        )
         codec = self._add_picture(picture)
         self._sound = None
         if fs:
@@ -137,9 +139,12 @@ class FragmentWriter:
         self._picture.pix_fmt = "yuv420p"
         self._picture.codec_context.time_base = Fraction(1, _CLOCK)
         self._picture.options = {
-            "preset": "ultrafast", "tune": "zerolatency", "crf": "21",
-            "g": str(max(1, round(picture.rate / 2))), "threads": "1",
-        }  # fmt: skip
+            "preset": "ultrafast",
+            "tune": "zerolatency",
+            "crf": "21",
+            "g": str(max(1, round(picture.rate / 2))),
+            "threads": "1",
+        }
         return "h264"
 
     def frame(self, frame: Any, time_s: float) -> Fragments:

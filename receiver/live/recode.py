@@ -85,9 +85,8 @@ class PlainPictures:
         """Return a graph that deinterlaces where needed and scales to square pixels."""
         graph = av.filter.Graph()
         source = graph.add_buffer(
-            width=frame.width, height=frame.height, format=frame.format,
-            time_base=frame.time_base,
-        )  # fmt: skip
+            width=frame.width, height=frame.height, format=frame.format, time_base=frame.time_base
+        )
         chain = [
             source,
             graph.add("yadif", "mode=send_frame:deint=interlaced"),

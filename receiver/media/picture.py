@@ -100,9 +100,14 @@ def stream_format(stream: Any, name: str) -> PictureFormat:
         raise CueError(f"{name}: a picture in an unknown codec, size or rate")
     pixel_format = context.pix_fmt if context.pix_fmt in LUMA_DEPTH else _CONVERTED
     return PictureFormat(
-        context.name, context.width, context.height, fps, pixel_format,
-        LUMA_DEPTH[pixel_format], int(context.bit_rate or 0),
-    )  # fmt: skip
+        context.name,
+        context.width,
+        context.height,
+        fps,
+        pixel_format,
+        LUMA_DEPTH[pixel_format],
+        int(context.bit_rate or 0),
+    )
 
 
 def steady_rate(average: Fraction | None, guessed: Fraction | None) -> Fraction | None:
@@ -266,8 +271,10 @@ class PictureDecoder:
 def converted(frame: Any, form: PictureFormat) -> Any:
     """Return a frame in this size and pixel format."""
     if (frame.format.name, frame.width, frame.height) == (
-        form.pixel_format, form.width, form.height,
-    ):  # fmt: skip
+        form.pixel_format,
+        form.width,
+        form.height,
+    ):
         return frame
     return frame.reformat(form.width, form.height, format=form.pixel_format)
 

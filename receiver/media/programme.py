@@ -101,9 +101,14 @@ class Programme:
     """
 
     def __init__(
-        self, container: InputContainer, name: str, track: int = 0, *, cut_short: bool = False,
+        self,
+        container: InputContainer,
+        name: str,
+        track: int = 0,
+        *,
+        cut_short: bool = False,
         path: Path | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.container = container
         self.name = name
         self._path, self._track = path, track
@@ -142,9 +147,13 @@ class Programme:
         if fs <= 0 or channels <= 0 or context.format is None:
             raise CueError(f"{self.name}: sound of {fs} Hz and {channels} channels")
         return SoundFormat(
-            context.name, fs, channels, context.layout.name, context.format.name,
+            context.name,
+            fs,
+            channels,
+            context.layout.name,
+            context.format.name,
             int(context.bit_rate or 0),
-        )  # fmt: skip
+        )
 
     @property
     def duration_s(self) -> float | None:

@@ -167,9 +167,14 @@ class Receiver:
         return self._take(self._heard(self._carrier.process(block)))
 
     def open_picture(
-        self, width: int, height: int, fps: Fraction | float, *, depth: int = 8,
+        self,
+        width: int,
+        height: int,
+        fps: Fraction | float,
+        *,
+        depth: int = 8,
         start_s: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Look at pictures of this format; what went before has ended.
 
         Parameters
@@ -186,9 +191,14 @@ class Receiver:
         self._remember()
         in_vain = self._pictures is not None and self._pictures.first_lock_s is None
         self._pictures = PictureCarriers(
-            width, height, fps, depth=depth, key=self._key, start_s=start_s,
+            width,
+            height,
+            fps,
+            depth=depth,
+            key=self._key,
+            start_s=start_s,
             trial_s=AGAIN_S if in_vain else TRIAL_S,
-        )  # fmt: skip
+        )
 
     def see(self, luma: NDArray[Any]) -> list[Event]:
         """Take the next picture.

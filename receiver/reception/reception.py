@@ -79,9 +79,14 @@ class ProgrammeReceiver:
         self._programme = programme
         self._begin_s = clock_s + start_s
         self.receiver = Receiver(
-            voice=voice, key=key, start_s=self._begin_s, keep_keys=keep_keys, trust=trust,
-            guess=guess, calm=calm,
-        )  # fmt: skip
+            voice=voice,
+            key=key,
+            start_s=self._begin_s,
+            keep_keys=keep_keys,
+            trust=trust,
+            guess=guess,
+            calm=calm,
+        )
         self._sound: _Listening | None = None
         self._picture: _Looking | None = None
         place = programme, self.receiver, start_s, clock_s
@@ -183,9 +188,12 @@ class _Looking:
             if not self._open:
                 form = self.decoder.format
                 self._receiver.open_picture(
-                    form.width, form.height, form.fps, depth=form.depth,
+                    form.width,
+                    form.height,
+                    form.fps,
+                    depth=form.depth,
                     start_s=self._clock_s + time_s,
-                )  # fmt: skip
+                )
                 self._open = True
             events += self._receiver.see(luma_of(frame))
             if not self._receiver.looking:

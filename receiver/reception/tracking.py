@@ -277,9 +277,13 @@ class TimelineTracker:
             params = self._calm.calmed(params, self._ends.get(decoded.index - 1))
             self._ends[decoded.index] = params[-1]
         return MotionPiece(
-            decoded.start_s + self._shift_s(), RATE_HZ, params, decoded.layers,
-            self._epoch, self._placed(decoded.phones),
-        )  # fmt: skip
+            decoded.start_s + self._shift_s(),
+            RATE_HZ,
+            params,
+            decoded.layers,
+            self._epoch,
+            self._placed(decoded.phones),
+        )
 
     def _settled(self, keys: list[Key]) -> Iterator[Event]:
         if keys:

@@ -16,7 +16,7 @@ _HELP = {
     "bit_error_rate": ("gauge", "Wrong bits on the carrier before correction."),
     "motion_margin_seconds": ("gauge", "How long before it is due the last motion was ready."),
     "viewers": ("gauge", "Pages that are watching."),
-}  # fmt: skip
+}
 
 _FAILURES = "Failures of reception after which it went on, by cause."
 

@@ -92,10 +92,15 @@ class TelevisionChannel(ABC):
     """
 
     def __init__(
-        self, voice: Voice,
-        *, live: bool, host: str = "127.0.0.1", port: int = 0, captions: Captions | None = None,
+        self,
+        voice: Voice,
+        *,
+        live: bool,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        captions: Captions | None = None,
         avatar: bytes | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.metrics = Metrics()
         self._live = live
         self._captions = captions

@@ -141,9 +141,11 @@ class MotionTuner:
         yield Progress(start_s, (StateChanged(start_s, "locked"),))
         for at in range(first * size, len(motion.params), size):
             piece = MotionPiece(
-                motion.start_s + at / motion.rate_hz, motion.rate_hz,
-                motion.params[at : at + size], ("L0", "L1"),
-            )  # fmt: skip
+                motion.start_s + at / motion.rate_hz,
+                motion.rate_hz,
+                motion.params[at : at + size],
+                ("L0", "L1"),
+            )
             keys = self._keys_within(piece.start_s, piece.end_s)
             yield Progress(piece.end_s, (piece, KeysFound(keys, final=True)) if keys else (piece,))
         end_s = motion.start_s + motion.duration_s

@@ -43,10 +43,15 @@ cuecast-player { max-width: 177.77vh; margin: auto; }
 
 
 def write_folder(
-    programme: str | os.PathLike[str], folder: str | os.PathLike[str], voice: Voice,
-    captions: bytes | None = None, language: str = "fr", *, avatar: bytes | None = None,
+    programme: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    voice: Voice,
+    captions: bytes | None = None,
+    language: str = "fr",
+    *,
+    avatar: bytes | None = None,
     public: str | os.PathLike[str] | None = None,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Write a folder that any static web server may serve.
 
     Parameters

@@ -93,10 +93,14 @@ def misread() -> list[Case]:
             case = case_of(f"silent-consonant-{letter}-{ahead}", "S7", l0, b"")
             assert case["score"]["numbers"] == []
             assert case["score"]["ahead"] == (ahead + 1) % 17
-            cases.append(case | {
-                "purpose": "a superframe in which no phone starts, and whose first is a consonant",
-                "failure_suggests": "look-ahead read only where a phone starts (S7)",
-            })  # fmt: skip
+            cases.append(
+                case
+                | {
+                    "purpose": "a superframe in which no phone starts, and whose first is "
+                    "a consonant",
+                    "failure_suggests": "look-ahead read only where a phone starts (S7)",
+                }
+            )
     for length in (30, 31):
         # Nothing slow or special, lengths in ticks, the begin; a, then a pause, then i.
         # A reader stops at the limit: what follows is whatever the code then says.
@@ -104,19 +108,25 @@ def misread() -> list[Case]:
         l0 = aimed_window([0, 0, 0, 3, 0, 0, 0, 4, 37, length, *behind])
         case = case_of(f"window-pause-{length}", "M6", l0, b"")
         assert case["score"]["numbers"][:3] == ([1, 0, 6] if behind else [1])
-        cases.append(case | {
-            "purpose": "a pause between phones told in ticks, at its limit and one below",
-            "failure_suggests": "the limit's symbol of a pause ends the window before it, with "
-            "lengths in ticks too (M6)",
-        })  # fmt: skip
+        cases.append(
+            case
+            | {
+                "purpose": "a pause between phones told in ticks, at its limit and one below",
+                "failure_suggests": "the limit's symbol of a pause ends the window before it, with "
+                "lengths in ticks too (M6)",
+            }
+        )
     # The vowel a may have the length of the limit: it lasts 32 ticks.
     l0 = aimed_window([0, 0, 0, 3, 0, 0, 0, 31, 5, 4])
     case = case_of("window-phone-31", "M6", l0, b"")
     assert case["score"]["starts"][1] - case["score"]["begin"] == 32
-    cases.append(case | {
-        "purpose": "a vowel told in ticks at the limit of lengths",
-        "failure_suggests": "the limit's symbol ends a window at pauses only (M6)",
-    })  # fmt: skip
+    cases.append(
+        case
+        | {
+            "purpose": "a vowel told in ticks at the limit of lengths",
+            "failure_suggests": "the limit's symbol ends a window at pauses only (M6)",
+        }
+    )
     rng = random.Random(7)
     for flags in (0, 8):
         more, alone = 0, 0
@@ -127,10 +137,13 @@ def misread() -> list[Case]:
             wrong = case_of(f"l1-does-not-fit-{flags}", "H7", l0, l1[:-1] + bytes([l1[-1] ^ 1]))
             more, alone = len(right["indices"]), len(wrong["indices"])
         for case in (right, wrong):
-            cases.append(case | {
-                "purpose": "an L1 of much weight, and the same with a wrong check",
-                "failure_suggests": "L1's check is not asked, or by other bytes (H7)",
-            })  # fmt: skip
+            cases.append(
+                case
+                | {
+                    "purpose": "an L1 of much weight, and the same with a wrong check",
+                    "failure_suggests": "L1's check is not asked, or by other bytes (H7)",
+                }
+            )
     return cases
 
 
@@ -168,11 +181,16 @@ def identities() -> list[Case]:
     third = [part[:-2] + bytes([part[-2] ^ 0x11, part[-1]]) for part in own]
     zero, ones = bytes(16), bytes([0] + 15 * [255])
     sequences = {
-        "own": own, "one-damaged": [own[0], other[1], own[2]],
-        "another": [other[0], other[1]], "another-with-a-gap": [other[0], own[1], other[2]],
-        "two-others": [other[0], third[1], other[2]], "zeroed": [own[0], zero, zero, own[2]],
-        "zeroed-for-long": 5 * [zero], "ones": [ones, ones, ones],
-        "repeated": 3 * [other[0]], "repeated-then-more": [*2 * [other[0]], other[1]],
+        "own": own,
+        "one-damaged": [own[0], other[1], own[2]],
+        "another": [other[0], other[1]],
+        "another-with-a-gap": [other[0], own[1], other[2]],
+        "two-others": [other[0], third[1], other[2]],
+        "zeroed": [own[0], zero, zero, own[2]],
+        "zeroed-for-long": 5 * [zero],
+        "ones": [ones, ones, ones],
+        "repeated": 3 * [other[0]],
+        "repeated-then-more": [*2 * [other[0]], other[1]],
         "version": [with_check(bytes([0x41, 0xD0]) + bytes(12))],
         "version-5-compact": [
             bytes([0x60]) + bytes(5) + bytes([MASK >> 14])  # sequence 0
@@ -185,18 +203,22 @@ def identities() -> list[Case]:
             for part in (with_check(bytes([0x40, i]) + bytes(12)) for i in range(2))
         ],
         "compact": [compact(rng, 7), compact(rng, 9)],
-    }  # fmt: skip
+    }
     cases: list[Case] = [
         {
-            "id": f"parts-{name}", "section": "H6", "valid": True, "identity": IDENTITY,
-            "parts": [part.hex() for part in parts], "verdicts": verdicts(parts),
+            "id": f"parts-{name}",
+            "section": "H6",
+            "valid": True,
+            "identity": IDENTITY,
+            "parts": [part.hex() for part in parts],
+            "verdicts": verdicts(parts),
             "versions": [version_of(part) for part in parts],
             "purpose": "whether parts that fail their check are lost or another stream's",
             "failure_suggests": "two parts of equal bytes are lost, two of different bytes and the "
             "same other identity are another's (H6), or of another version (X1)",
         }
         for name, parts in sequences.items()
-    ]  # fmt: skip
+    ]
     return cases
 
 
@@ -241,19 +263,23 @@ def pieces_of(parts: Sequence[bytes]) -> list[int]:
 def foreign() -> list[Case]:
     """Return vectors of streams that cannot be drawn, and what their slow channel says."""
     pieces = [
-        *written(5, b"en"), *written(8, bytes.fromhex("03d1a2c4e5f60718")),
+        *written(5, b"en"),
+        *written(8, bytes.fromhex("03d1a2c4e5f60718")),
         *written(128, b"cue.example.org\0"),
-    ]  # fmt: skip
+    ]
     parts = [slow_part(k % 64, pieces[k : k + 1], 0x03D1) for k in range(len(pieces))]
     pairs = [slow_part(k, pieces[2 * k : 2 * k + 2], 0x03D1) for k in range(13)]
     other = [slow_part(k, [0x0566, 0x0672], 0x7777) for k in (9, 10)]
     lists = {
-        "one-by-one": parts, "in-pairs": pairs,
+        "one-by-one": parts,
+        "in-pairs": pairs,
         "a-part-of-its-own-between": [*pairs[:4], slow_part(8, [0x0401], MASK), *pairs[4:]],
         "damaged-between": [*pairs[:4], pairs[4][:3] + b"\xff" + pairs[4][4:], *pairs[4:]],
-        "one-only": parts[:1], "the-same-twice": [parts[0], parts[0]],
-        "another-once": [*pairs, other[0]], "another-after": [*pairs, *other],
-    }  # fmt: skip
+        "one-only": parts[:1],
+        "the-same-twice": [parts[0], parts[0]],
+        "another-once": [*pairs, other[0]],
+        "another-after": [*pairs, *other],
+    }
     cases: list[Case] = []
     for name, taken in lists.items():
         known = {piece >> 8: piece & 255 for piece in pieces_of(taken)}
@@ -395,7 +421,7 @@ def meaning(known: dict[int, int]) -> Case:
         "language": language.decode() if language and all(x in letters for x in language) else None,
         "coding": None if coding is None else coding.hex(),
         "host": host.decode() if named else None,
-    }  # fmt: skip
+    }
 
 
 def write(path: Path, cases: list[Case], **more: Any) -> None:

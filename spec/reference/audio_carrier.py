@@ -222,13 +222,9 @@ def decode(ratios: list[float], size: int, width: int) -> bytes | None:
         half = len(values) // 2
         low, high = values[:half], values[half:]
         pairs = list(zip(low, high, strict=True))
-        left = block(
-            [math.copysign(min(abs(a), abs(b)), a * b) for a, b in pairs],
-            first,
-        )
+        left = block([math.copysign(min(abs(a), abs(b)), a * b) for a, b in pairs], first)
         right = block(
-            [b - a if bit else b + a for (a, b), bit in zip(pairs, left, strict=True)],
-            first + half,
+            [b - a if bit else b + a for (a, b), bit in zip(pairs, left, strict=True)], first + half
         )
         return [a ^ b for a, b in zip(left, right, strict=True)] + right
 

@@ -130,23 +130,28 @@ def part_cases(rng: random.Random, channel: bytes) -> list[Case]:
         checks = dict(enumerate(plain.checks_of(tags, count)))
         gone = rng.sample(range(length), count // 2 - 1)
         for name, without, change in (
-            ("all", [], None), ("lost", gone, None),
+            ("all", [], None),
+            ("lost", gone, None),
             ("changed", gone, next(p for p in tags if p not in gone)),
             ("too-many", [*gone, next(p for p in tags if p not in gone)], None),
-        ):  # fmt: skip
+        ):
             there = {place: tag for place, tag in tags.items() if place not in without}
             if change is not None:
                 there[change] ^= 0x001000
-            cases.append({
-                "id": f"checks-{width}-{name}", "section": "E14, E21", "valid": True,
-                "width": width,
-                "checks": list(checks.values()),
-                "tags": [there.get(place) for place in range(length)],
-                "agree": plain.agree(checks, there, length),
-                "purpose": "checks against the tags that arrived; null: too few are left over",
-                "failure_suggests": "GF(2^12) with 0x1053; symbol 2 i is the tag's higher half; "
-                "j XOR (16 + s)",
-            })  # fmt: skip
+            cases.append(
+                {
+                    "id": f"checks-{width}-{name}",
+                    "section": "E14, E21",
+                    "valid": True,
+                    "width": width,
+                    "checks": list(checks.values()),
+                    "tags": [there.get(place) for place in range(length)],
+                    "agree": plain.agree(checks, there, length),
+                    "purpose": "checks against the tags that arrived; null: too few are left over",
+                    "failure_suggests": "GF(2^12) with 0x1053; symbol 2 i is the tag's higher "
+                    "half; j XOR (16 + s)",
+                }
+            )
     return cases
 
 
@@ -182,10 +187,14 @@ def main(path: Path) -> None:
         streams[str(width)] = {"covered": [one.hex() for one in covered], "fields": fields}
         cases += stream_cases(width, first, covered, fields, channel, end)
     public: dict[str, Any] = {
-        "format": "cuecast-key-3", "kind": "public", "name": "Télé", "ends": ends,
-        "public_key": base64_of(public_key), "first": PERIOD * plain.PERIOD,
+        "format": "cuecast-key-3",
+        "kind": "public",
+        "name": "Télé",
+        "ends": ends,
+        "public_key": base64_of(public_key),
+        "first": PERIOD * plain.PERIOD,
         "until": PERIOD * plain.PERIOD + 135_000,
-    }  # fmt: skip
+    }
     data = json.dumps(public, sort_keys=True, separators=(",", ":")).encode()
     public["signature"] = base64_of(ed25519.sign(secret, data))
     cases += file_cases(public)

@@ -71,21 +71,25 @@ class Plain:
         except MalformedError as error:
             return {"valid": False, "section": str(error)}
         return {
-            "valid": True, "header": [out.mode, out.sequence, out.lead, out.signed, out.proof],
+            "valid": True,
+            "header": [out.mode, out.sequence, out.lead, out.signed, out.proof],
             "slow": out.slow,
             "setting": [out.step, out.basis, out.level, out.course, out.shift, *out.shares],
-            "score": out.score, "previews": out.previews,
+            "score": out.score,
+            "previews": out.previews,
             "indices": {str(i): q for i, q in enumerate(out.indices) if q},
             "values": {str(i): v for i, v in enumerate(out.values) if v},
-        }  # fmt: skip
+        }
 
     def push(self, request: Answer) -> Answer:
         """Take a superframe; an empty or a broken one is lost."""
         try:
             self.parts[request["index"]] = decode(
-                bytes.fromhex(request["l0"]), bytes.fromhex(request["l1"]), self.own,
+                bytes.fromhex(request["l0"]),
+                bytes.fromhex(request["l1"]),
+                self.own,
                 self.own_identity,
-            )  # fmt: skip
+            )
         except MalformedError as error:
             return {"section": str(error)}
         return {}

@@ -78,9 +78,12 @@ def read(data: bytes) -> File:
         raise MalformedError("F4")
     lengths = int.from_bytes(data[21:24], "big")
     out = File(
-        data[5:13].hex(), int.from_bytes(data[13:17], "big"), int.from_bytes(data[17:21], "big"),
-        lengths >> 12, lengths & 4095,
-    )  # fmt: skip
+        data[5:13].hex(),
+        int.from_bytes(data[13:17], "big"),
+        int.from_bytes(data[17:21], "big"),
+        lengths >> 12,
+        lengths & 4095,
+    )
     if out.first_tick > 4320000 or not 1 <= out.ticks <= 4320000:
         raise MalformedError("F5")
     if out.l0:
@@ -291,8 +294,9 @@ class Learner:
         self.coding = coding
         widths = [coding[f"targets.{part}"].shape[1] for part in PARTS]
         self.columns = [
-            range(widths[0], widths[0] + widths[1]), range(sum(widths[:3]), sum(widths))
-        ]  # fmt: skip
+            range(widths[0], widths[0] + widths[1]),
+            range(sum(widths[:3]), sum(widths)),
+        ]
         sizes = [n_shapes(), n_placements() + n_shapes()]
         self.squares = [[[25.0 * (i == j) for j in range(n)] for i in range(n)] for n in sizes]
         self.rights = [
@@ -315,9 +319,7 @@ class Learner:
                 for n in range(shapes * places)
             ],
         ]
-        latest = [
-            (c["fingers_begin"] + late[0], c["fingers_end"] + late[0]), (late[-1], late[-1])
-        ]  # fmt: skip
+        latest = [(c["fingers_begin"] + late[0], c["fingers_end"] + late[0]), (late[-1], late[-1])]
         result = []
         for kind, one in zip(kinds, latest, strict=True):
             rows = held(found, kind, c)

@@ -82,10 +82,14 @@ def stand_in(preview: list[list[int]]) -> Told:
             else:
                 ahead = vowel
     return {
-        "stands": True, "first_end": starts[0] if starts else TICKS, "numbers": numbers,
-        "starts": starts, "ahead": ahead, "cheek": [0 for _ in LANGUAGE["alternatives"]],
+        "stands": True,
+        "first_end": starts[0] if starts else TICKS,
+        "numbers": numbers,
+        "starts": starts,
+        "ahead": ahead,
+        "cheek": [0 for _ in LANGUAGE["alternatives"]],
         "overrides": {},
-    }  # fmt: skip
+    }
 
 
 def line_of(scores: dict[int, Told]) -> list[Sound]:

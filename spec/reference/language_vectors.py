@@ -55,10 +55,14 @@ def coding() -> dict[str, Array]:
 def told(out: Decoded) -> Case:
     """Return the fields of a case that a superframe of mode 0 says."""
     case: Case = {
-        "header": [out.mode, out.sequence, out.lead, out.signed, out.proof], "slow": out.slow,
+        "header": [out.mode, out.sequence, out.lead, out.signed, out.proof],
+        "slow": out.slow,
         "setting": [out.step, out.basis, out.level, out.course, out.shift, *out.shares],
-        "score": out.score, "previews": out.previews, "indices": {}, "values": {},
-    }  # fmt: skip
+        "score": out.score,
+        "previews": out.previews,
+        "indices": {},
+        "values": {},
+    }
     if out.mode == 0 and out.score is not None:
         scores = {0: out.score}
         cues = keys_of(line_of(scores), scores)
@@ -77,22 +81,26 @@ def superframes() -> Iterator[Case]:
     """Yield cases of superframes."""
     rng = random.Random(15)
     makers: dict[str, Callable[[], bytes]] = {
-        "spoken": lambda: full(rng, 0, 30, 63), "filmed": lambda: full(rng, 0, 12, None, 1),
+        "spoken": lambda: full(rng, 0, 30, 63),
+        "filmed": lambda: full(rng, 0, 12, None, 1),
         "compact": lambda: compact(rng, 12),
-    }  # fmt: skip
+    }
     for kind, make in makers.items():
         for i in range({"spoken": 24, "filmed": 4, "compact": 6}[kind]):
             l0 = make()
             while kind == "filmed" and decode(l0, None, BASES, IDENTITY).step != 63:
                 l0 = make()
             yield {
-                "id": f"{kind}-{i}", "section": "S11, S12, P12" if kind == "spoken" else "S11, S12",
-                "valid": True, "l0": l0.hex(), "l1": "",
+                "id": f"{kind}-{i}",
+                "section": "S11, S12, P12" if kind == "spoken" else "S11, S12",
+                "valid": True,
+                "l0": l0.hex(),
+                "l1": "",
                 **told(decode(l0, None, BASES, IDENTITY)),
                 "purpose": "a superframe of a language with 42 phones and nine placements",
                 "failure_suggests": "a number of table 7 taken from French; rows that are absent "
                 "(S12); strokes of placements that move (P12); a stand-in without a vowel (J8)",
-            }  # fmt: skip
+            }
 
 
 def lines() -> Iterator[Case]:
@@ -111,12 +119,15 @@ def lines() -> Iterator[Case]:
             if len(out.line or []) < 8:
                 continue
             yield {
-                "id": f"file-{'keyed' if form else 'spoken'}-{made}", "section": "S11, F10, F11",
-                "valid": True, "file": file.hex(), "line": out.line,
+                "id": f"file-{'keyed' if form else 'spoken'}-{made}",
+                "section": "S11, F10, F11",
+                "valid": True,
+                "file": file.hex(),
+                "line": out.line,
                 "keys": [[cue.number, cue.start, cue.end] for cue in files.keys(out)],
                 "purpose": "a file of a language with 42 phones and nine placements",
                 "failure_suggests": "a number of table 7, or `common` of table 8, from French",
-            }  # fmt: skip
+            }
             made += 1
 
 
@@ -132,10 +143,13 @@ def main(path: str) -> None:
         assert set(moving) == set(LANGUAGE["placements"]), set(moving)
         assert n_phones() == 42
         document = {
-            "origin": ORIGIN, "identity": IDENTITY, "bases": BASES,
-            "tables": "data/languages/american-english.json", "movement": MOVEMENT,
+            "origin": ORIGIN,
+            "identity": IDENTITY,
+            "bases": BASES,
+            "tables": "data/languages/american-english.json",
+            "movement": MOVEMENT,
             "places": places(),
-        }  # fmt: skip
+        }
     rows = ",\n".join("  " + json.dumps(case, ensure_ascii=False) for case in cases)
     text = f'{json.dumps(document)[:-1]}, "cases": [\n{rows}\n]}}\n'
     Path(path).write_text(text, encoding="utf-8")

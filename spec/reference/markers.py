@@ -105,10 +105,11 @@ def face_markers(voice: dict[str, Array], face: list[float], head: list[float]) 
     found = []
     for i in range(N_FACE):
         q = [
-            voice["face.mean"].at(i, k) - pivot[k]
+            voice["face.mean"].at(i, k)
+            - pivot[k]
             + sum(p * voice["face.directions"].at(j, i, k) for j, p in enumerate(face))
             for k in range(3)
-        ]  # fmt: skip
+        ]
         own = [motion[k] * voice["face.weights"].at(i, k) for k in range(6)]
         x, y, z = moved((q[0], q[1], q[2]), own)
         found.append((x + pivot[0], y + pivot[1], z + pivot[2]))

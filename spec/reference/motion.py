@@ -153,10 +153,13 @@ def moving(
     c = constants(coding)
     widths = [coding[f"targets.{part}"].shape[1] for part in PARTS[1:]]
     targets = [
-        [coding[f"targets.{part}"].at(n, k) for part, w in zip(PARTS[1:], widths, strict=True)
-         for k in range(w)]
+        [
+            coding[f"targets.{part}"].at(n, k)
+            for part, w in zip(PARTS[1:], widths, strict=True)
+            for k in range(w)
+        ]
         for n in range(coding["targets.hand"].shape[0])
-    ]  # fmt: skip
+    ]
     rows = held(found, targets, c)
     arm = widths[0] + widths[1]
     far = [0.0] + [
@@ -229,10 +232,12 @@ def mouths(line: list[Sound], coding: dict[str, Array], first: int) -> list[list
                 pull = math.exp(-((x / (0.3 * length + 2.5)) ** 1.5)) * (1 - f) ** 2
                 weights[sound.number] += pull
         total = sum(weights)
-        frames.append([
-            sum(w * targets.at(n, k) for n, w in enumerate(weights)) / total
-            for k in range(targets.shape[1])
-        ])  # fmt: skip
+        frames.append(
+            [
+                sum(w * targets.at(n, k) for n, w in enumerate(weights)) / total
+                for k in range(targets.shape[1])
+            ]
+        )
     return frames
 
 

@@ -9,15 +9,7 @@ from dataclasses import dataclass, field
 
 from spec.reference.joining import TICKS, Cue, Sound, Told, cues_of, line_of, stand_in
 from spec.reference.markers import Array
-from spec.reference.motion import (
-    REST_GAPS,
-    Stroke,
-    drawn,
-    mouths,
-    moving,
-    solve,
-    strokes,
-)
+from spec.reference.motion import REST_GAPS, Stroke, drawn, mouths, moving, solve, strokes
 from spec.reference.motion import parameters as joined
 from spec.reference.superframe import Decoded
 from spec.reference.tables import LANGUAGE, n_placements, n_vowels
@@ -322,10 +314,12 @@ def lip_change(voice: dict[str, Array]) -> list[list[float]]:
     directions = voice["face.directions"]
     rows = [directions.numbers[189 * j : 189 * (j + 1)] for j in range(7)]
     square = [
-        [sum(a * b for a, b in zip(one, two, strict=True)) + 0.001 * (i == j)
-         for j, two in enumerate(rows)]
+        [
+            sum(a * b for a, b in zip(one, two, strict=True)) + 0.001 * (i == j)
+            for j, two in enumerate(rows)
+        ]
         for i, one in enumerate(rows)
-    ]  # fmt: skip
+    ]
     slopes = [
         [directions.at(j, UPPER, k) - directions.at(j, LOWER, k) for k in (1, 2)] for j in range(7)
     ]
@@ -335,9 +329,7 @@ def lip_change(voice: dict[str, Array]) -> list[list[float]]:
         [sum(slopes[j][e] * columns[f][j] for j in range(7)) for f in range(2)] for e in range(2)
     ]
     det = small[0][0] * small[1][1] - small[0][1] * small[1][0]
-    inverse = [
-        [small[1][1] / det, -small[0][1] / det], [-small[1][0] / det, small[0][0] / det]
-    ]  # fmt: skip
+    inverse = [[small[1][1] / det, -small[0][1] / det], [-small[1][0] / det, small[0][0] / det]]
     return [
         [sum(columns[e][j] * inverse[e][f] for e in range(2)) for f in range(2)] for j in range(7)
     ]

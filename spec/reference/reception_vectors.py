@@ -105,9 +105,14 @@ def keys_by_index(parts: dict[int, Decoded], count: int) -> dict[str, list[list[
 
 
 def case_of(
-    name: str, group: str, section: str, frames: list[bytes], lost: set[int], shown_lips: bool,
+    name: str,
+    group: str,
+    section: str,
+    frames: list[bytes],
+    lost: set[int],
+    shown_lips: bool,
     tables: tuple[dict[str, Array], dict[str, Array], list[list[list[int]]], str],
-) -> Case:  # fmt: skip
+) -> Case:
     """Return a case with what the reference says."""
     voice, coding, scales, own = tables
     parts = {
@@ -122,14 +127,19 @@ def case_of(
             places = markers(voice, params[t])
             stated[str(32 * k + t)] = {str(m): [round(x, 3) for x in places[m]] for m in SHOWN}
     return {
-        "id": name, "group": group, "section": section, "valid": True, "lips": shown_lips,
+        "id": name,
+        "group": group,
+        "section": section,
+        "valid": True,
+        "lips": shown_lips,
         **described("reception", name),
         "superframes": [
             {"index": FIRST + k, "l0": "" if k in lost else l0.hex(), "l1": ""}
             for k, l0 in enumerate(frames)
         ],
-        "keys": keys_by_index(parts, len(frames)), "markers": stated,
-    }  # fmt: skip
+        "keys": keys_by_index(parts, len(frames)),
+        "markers": stated,
+    }
 
 
 def main(path: str) -> None:

@@ -75,10 +75,7 @@ def numbered(seed: int, coding: str, late: int) -> tuple[bytes, Other]:
     if seed % 2 == 0:
         return losing(rng, coding), {}
     movement = [round(rng.uniform(*bounds), 4) for bounds in MOVING]
-    other = {
-        "movement": movement,
-        "late": [rng.randrange(-50, 300) / 1000 for _ in range(late)],
-    }
+    other = {"movement": movement, "late": [rng.randrange(-50, 300) / 1000 for _ in range(late)]}
     once = told(rng, rng.randrange(2), rng.random() < 0.2, rng.random() < 0.2)
     return whole(head(32, 96, coding), [once] + 3 * [settled(rng)]), other
 

@@ -36,9 +36,7 @@ SHOWN = (5, 25, 63 + 7, 63 + 30)
 EVERY = 11
 """Of how many frames of numbered files the markers of one are stated."""
 
-SEEDS = (
-    0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 16, 18, 30, 31, 48, 54, 72, 116, 124, 148, 175,
-)  # fmt: skip
+SEEDS = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 16, 18, 30, 31, 48, 54, 72, 116, 124, 148, 175)
 """Numbers of files, each of which tells a misreading of sections 4 and 5 that others do not."""
 
 MOVEMENTS = (
@@ -275,10 +273,12 @@ def said(found: files.File) -> Case:
     """Return what a file says in words of the vectors."""
     return {
         "coding": found.coding,
-        "span": [found.first_tick, found.ticks, found.l0, found.l1], "learns": found.learns,
-        "line": found.line, "payloads": [payload.hex() for payload in found.payloads],
+        "span": [found.first_tick, found.ticks, found.l0, found.l1],
+        "learns": found.learns,
+        "line": found.line,
+        "payloads": [payload.hex() for payload in found.payloads],
         "keys": [[cue.number, cue.start, cue.end] for cue in files.keys(found)],
-    }  # fmt: skip
+    }
 
 
 def main(path: str) -> None:
@@ -351,10 +351,15 @@ def main(path: str) -> None:
             broken = str(error)
         assert broken == section, (case, broken)
         stated = data.hex() if len(data) < 1000 else zlib.compress(data, 9).hex()
-        rows.append({
-            "id": case, "section": section, "valid": False, "file": stated,
-            "packed": len(data) >= 1000,
-        })  # fmt: skip
+        rows.append(
+            {
+                "id": case,
+                "section": section,
+                "valid": False,
+                "file": stated,
+                "packed": len(data) >= 1000,
+            }
+        )
     rows = [row | described("stream", row["id"]) for row in rows]
     lines = ",\n".join("  " + json.dumps(row, ensure_ascii=False) for row in rows)
     start = json.dumps({"section": "4 to 8", "origin": ORIGIN, "shown": SHOWN})[:-1]

@@ -314,10 +314,15 @@ def score(decoder: RangeDecoder) -> dict[str, Any]:
         letter = decoder.symbol(tables["next"][earlier][before], n_vowels())[0]
         ahead = letter + 1 if letter < n_vowels() else 0
     result: dict[str, Any] = {
-        "first": first, "first_end": first_end, "numbers": numbers, "starts": starts,
-        "ahead": ahead, "cheek": [0 for _ in LANGUAGE["alternatives"]], "rest_gap": 1,
+        "first": first,
+        "first_end": first_end,
+        "numbers": numbers,
+        "starts": starts,
+        "ahead": ahead,
+        "cheek": [0 for _ in LANGUAGE["alternatives"]],
+        "rest_gap": 1,
         "overrides": {},
-    }  # fmt: skip
+    }
     if special:
         result["cheek"] = [decoder.bits(1) for _ in LANGUAGE["alternatives"]]
         result["rest_gap"] = decoder.bits(2)

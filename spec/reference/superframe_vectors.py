@@ -168,9 +168,11 @@ def parts() -> Iterator[tuple[str, str, bytes, bytes]]:
     l0 = found(lambda: compact(rng, 7), lambda out: not _score(out)["numbers"])
     yield "compact-silent", "M5", l0, b""
     yield (
-        "compact-special", "M1, S9",
-        found(lambda: compact(rng, 7), lambda out: any(_score(out)["cheek"])), b"",
-    )  # fmt: skip
+        "compact-special",
+        "M1, S9",
+        found(lambda: compact(rng, 7), lambda out: any(_score(out)["cheek"])),
+        b"",
+    )
     for i in range(3):
         l0 = found(lambda: full(rng, 1, 30, 4 + 2 * i), lambda out: out.level == 6)  # noqa: B023
         yield f"level-6-fine-{i}", "H8, Q6", l0, l1_of(l0, rng.randbytes(16))
@@ -374,9 +376,7 @@ def main(path: str) -> None:
         else:
             broken = ""
         assert broken == section, name
-        cases.append({
-            "id": name, "section": section, "valid": False, "l0": l0.hex(), "l1": "",
-        })  # fmt: skip
+        cases.append({"id": name, "section": section, "valid": False, "l0": l0.hex(), "l1": ""})
     cases = [case | described("superframe", case["id"]) for case in cases]
     lines = ",\n".join("  " + json.dumps(case, ensure_ascii=False) for case in cases)
     head = json.dumps(

@@ -80,9 +80,14 @@ def equal(n: int) -> list[int]:
 def of_the_language() -> dict[str, Any]:
     """Return what spec/syntax.md calls by these names."""
     return {
-        "N": n_phones(), "V": n_vowels(), "S": n_shapes(), "L": n_placements(), "Q": silence(),
-        "alternatives": LANGUAGE["alternatives"], "equal": equal,
-    }  # fmt: skip
+        "N": n_phones(),
+        "V": n_vowels(),
+        "S": n_shapes(),
+        "L": n_placements(),
+        "Q": silence(),
+        "alternatives": LANGUAGE["alternatives"],
+        "equal": equal,
+    }
 
 
 def flat() -> dict[str, Any]:

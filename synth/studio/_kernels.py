@@ -112,9 +112,13 @@ def count_cameras(
                         along = 0.0
                         s = min(max(uw / uu, 0.0), 1.0)
                     gap = (
-                        ww + along * along + s * s * uu
-                        + 2.0 * along * dw - 2.0 * s * uw - 2.0 * along * s * ud
-                    )  # fmt: skip
+                        ww
+                        + along * along
+                        + s * s * uu
+                        + 2.0 * along * dw
+                        - 2.0 * s * uw
+                        - 2.0 * along * s * ud
+                    )
                     if gap < r2:
                         blocked = True
                         break

@@ -76,10 +76,7 @@ def _sounds() -> Iterator[tuple[str, list[str]]]:
     """Yield corpus 2: isolated vowels, and every consonant between a, i and u."""
     yield "vowels", [symbol for vowel in VOWELS for symbol in (vowel, PAUSE)]
     for vowel in ("a", "i", "u"):
-        yield (
-            f"vcv_{vowel}",
-            [s for c in CONSONANTS for s in (vowel, c, vowel, PAUSE)],
-        )
+        yield (f"vcv_{vowel}", [s for c in CONSONANTS for s in (vowel, c, vowel, PAUSE)])
 
 
 def spoken(utterance: Utterance) -> tuple[NDArray[np.float32], Score]:

@@ -57,9 +57,11 @@ def front_arc() -> FloatArray:
 def surround() -> FloatArray:
     """Return twelve positions all around, mm: for the hand alone in free space."""
     return np.concatenate(
-        [_ring(np.arange(0.0, 360.0, 60.0), np.array([-32.0])),
-         _ring(np.arange(30.0, 390.0, 60.0), np.array([32.0]))]
-    )  # fmt: skip
+        [
+            _ring(np.arange(0.0, 360.0, 60.0), np.array([-32.0])),
+            _ring(np.arange(30.0, 390.0, 60.0), np.array([32.0])),
+        ]
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,6 +78,10 @@ def record(
     rng = np.random.default_rng([seed, 71])
     observed, ghosts = studio.observe(positions, np.concatenate(seen), cuer.rate_hz, rng)
     return StudioTake(
-        score, cuer.rate_hz, positions.astype(np.float32), observed, ghosts,
+        score,
+        cuer.rate_hz,
+        positions.astype(np.float32),
+        observed,
+        ghosts,
         cuer.labels(score, 0.0, n_frames),
-    )  # fmt: skip
+    )

@@ -70,9 +70,12 @@ class Learnt:
 
 
 def learn_speaker(
-    folder: Path, name: str, *, takes: Sequence[MarkerTake] | None = None,
+    folder: Path,
+    name: str,
+    *,
+    takes: Sequence[MarkerTake] | None = None,
     progress: Progress = lambda done, of: None,
-) -> Learnt:  # fmt: skip
+) -> Learnt:
     """Return the voice of the speaker of a folder of takes.
 
     Parameters
@@ -137,9 +140,11 @@ def _joined(parts: Sequence[Labelled]) -> TrainingSet:
     sets = [one.frames for one in parts]
     return TrainingSet(
         np.concatenate([one.markers for one in sets]),
-        *(np.concatenate([getattr(one, kind) for one in sets])
-          for kind in ("shape", "placement", "phone")),
-    )  # fmt: skip
+        *(
+            np.concatenate([getattr(one, kind) for one in sets])
+            for kind in ("shape", "placement", "phone")
+        ),
+    )
 
 
 def _with_stand_ins(
@@ -164,9 +169,11 @@ def _with_stand_ins(
         labels.append(np.full(len(copies), PHONE_NUMBER[symbol], dtype=np.int64))
     more = np.full(sum(map(len, frames)) - len(phone), UNLABELLED, dtype=np.int64)
     whole = TrainingSet(
-        np.concatenate(frames), np.concatenate([_numbers(face.shape), more]),
-        np.concatenate([_numbers(face.placement), more]), np.concatenate(labels),
-    )  # fmt: skip
+        np.concatenate(frames),
+        np.concatenate([_numbers(face.shape), more]),
+        np.concatenate([_numbers(face.placement), more]),
+        np.concatenate(labels),
+    )
     return whole, borrowed
 
 

@@ -105,8 +105,10 @@ def read_corpora(
 
 
 def _read(path: Path, mapping: Mapping[str, str] | None, subject: str | None) -> MarkerTake:
-    grid = next((p for p in (path.with_suffix(".TextGrid"), path.with_suffix(".textgrid"))
-                 if p.exists()), None)  # fmt: skip
+    grid = next(
+        (p for p in (path.with_suffix(".TextGrid"), path.with_suffix(".textgrid")) if p.exists()),
+        None,
+    )
     if grid is None:
         raise CueError(f"{path}: no TextGrid of its name beside it")
     recording = read_points(path, "c3d")

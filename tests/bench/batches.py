@@ -219,8 +219,11 @@ def dask(*arguments: str, log: IO[bytes]) -> Iterator[subprocess.Popen[bytes]]:
     """Run a part of Dask for as long as the block."""
     process = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_" + arguments[0], *arguments[1:]],
-        stdout=log, stderr=log, cwd=ROOT, start_new_session=True,
-    )  # fmt: skip
+        stdout=log,
+        stderr=log,
+        cwd=ROOT,
+        start_new_session=True,
+    )
     try:
         yield process
     finally:
@@ -282,10 +285,7 @@ def fresh(folder: Path, items: int) -> dict[str, Any]:
     for name, workers in (("fresh", 2), ("1", 1), ("2", 2)):
         address, head, rest = cluster_of(folder, workers)
         out = folder / f"out-{name}"
-        with (
-            (folder / f"{name}.log").open("ab") as log, dask(*head, log=log),
-            dask(*rest, log=log),
-        ):  # fmt: skip
+        with (folder / f"{name}.log").open("ab") as log, dask(*head, log=log), dask(*rest, log=log):
             began = time.monotonic()
             process = start(catalogue, out, log, "--scheduler", address)
             while process.poll() is None and not any(out.glob("*.flac")):
@@ -294,9 +294,12 @@ def fresh(folder: Path, items: int) -> dict[str, Any]:
             status = max(status, process.wait())
             seconds[name] = time.monotonic() - began
     return {
-        "items": items, "status": status, "first_item_s": first, "seconds": seconds,
+        "items": items,
+        "status": status,
+        "first_item_s": first,
+        "seconds": seconds,
         "times_as_fast": seconds["1"] / seconds["2"],
-    }  # fmt: skip
+    }
 
 
 def main() -> int:

@@ -34,12 +34,14 @@ HOLE_S = 5.0
 def correct(keys: list[tuple[float, int, str]]) -> list[bool]:
     """Tell which keys (start, shape, placement) were sent, whatever the receiver's zero."""
     sent = speech().keys
-    offsets = np.array([
-        start - key.start
-        for start, shape, placement in keys
-        for key in sent
-        if (key.shape, key.placement) == (shape, placement)
-    ])  # fmt: skip
+    offsets = np.array(
+        [
+            start - key.start
+            for start, shape, placement in keys
+            for key in sent
+            if (key.shape, key.placement) == (shape, placement)
+        ]
+    )
     votes = [(np.abs(offsets - offset) < 0.1).sum() for offset in offsets]
     zero_s = float(np.median(offsets[np.abs(offsets - offsets[int(np.argmax(votes))]) < 0.1]))
     return [
@@ -81,12 +83,7 @@ def receive(seed: int) -> dict[str, object]:
     transmitter.join()
     time.sleep(0.5)
     broadcast.stop()
-    keys = [
-        (at - begin, key)
-        for at, h in moments
-        if isinstance(h, KeysFound)
-        for key in h.keys
-    ]  # fmt: skip
+    keys = [(at - begin, key) for at, h in moments if isinstance(h, KeysFound) for key in h.keys]
     right = correct([(key.start, key.shape, key.placement) for _, key in keys])
     first = next(at for (at, _), ok in zip(keys, right, strict=True) if ok)
     motions = [at for at, h in moments if isinstance(h, MotionPiece) and h.layers]
@@ -99,7 +96,7 @@ def receive(seed: int) -> dict[str, object]:
         "superframes_received": figures["superframes_received_total"],
         "superframes_lost": figures["superframes_lost_total"],
         "damaged_packets": figures["damaged_packets_total"],
-    }  # fmt: skip
+    }
 
 
 def test_join_loss_and_holes(benchmark: BenchmarkFixture) -> None:

@@ -41,9 +41,10 @@ from tests.bench.on_air_account import Account, Event, account
 SOUND_PID = 257
 FORMS = (("aac", "stereo", 160_000), ("mp2", "stereo", 192_000), ("aac", "mono", 96_000))
 EVENTS = {
-    "killed": (0.2, "worker killed"), "stopped": (0.5, "worker stopped for 5 s"),
+    "killed": (0.2, "worker killed"),
+    "stopped": (0.5, "worker stopped for 5 s"),
     "main": (0.8, "main killed"),
-}  # fmt: skip
+}
 """At which part of the programme each event happens."""
 
 EFFECT_S = -DELAY_S - 1.5, 3.0
@@ -104,11 +105,13 @@ def write_stream(folder: Path, seconds: int) -> bytes:
                 at = n * FS // 25 % (length * FS)
                 part = sound[at : at + FS // 25]
                 part = part if layout == "stereo" else part.mean(axis=1, keepdims=True)
-                block = av.AudioFrame.from_ndarray(
-                    np.ascontiguousarray(part.T), "fltp", layout
-                ) if codec == "aac" else av.AudioFrame.from_ndarray(
-                    (part * 32767).astype(np.int16).reshape(1, -1), "s16", layout
-                )  # fmt: skip
+                block = (
+                    av.AudioFrame.from_ndarray(np.ascontiguousarray(part.T), "fltp", layout)
+                    if codec == "aac"
+                    else av.AudioFrame.from_ndarray(
+                        (part * 32767).astype(np.int16).reshape(1, -1), "s16", layout
+                    )
+                )
                 block.sample_rate, block.time_base = FS, Fraction(1, FS)
                 block.pts = n * FS // 25
                 out.mux(heard.encode(block))
@@ -124,9 +127,7 @@ def paced(data: bytes) -> list[tuple[float, bytes]]:
     known = [(n, c) for n, p in enumerate(packets) if (c := clock_of(p)) is not None]
     numbers, clocks = (np.array(x) for x in zip(*known, strict=True))
     due = np.interp(np.arange(len(packets)), numbers, np.maximum.accumulate(clocks - clocks[0]))
-    return [
-        (float(due[n]), b"".join(packets[n : n + 7])) for n in range(0, len(packets), 7)
-    ]  # fmt: skip
+    return [(float(due[n]), b"".join(packets[n : n + 7])) for n in range(0, len(packets), 7)]
 
 
 def free_port() -> int:
@@ -338,11 +339,13 @@ def superframes(found: Account) -> dict[str, Any]:
     lost = sum(found.lost.values()) - by_loss
     unnamed = sum(n for k, n in found.lost.items() if k in ("unexplained", "unmarked: busy"))
     return {
-        "received": found.received, "misnumbered": found.misnumbered, "lost": found.lost,
+        "received": found.received,
+        "misnumbered": found.misnumbered,
+        "lost": found.lost,
         "share_without_lost_datagrams": found.received / max(1, found.received + lost),
         "share_without_events": found.received / max(1, found.received + unnamed),
         "unexplained_s": found.unexplained_s,
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

@@ -99,9 +99,12 @@ def marked_of(path: Path, seconds: float, store: Path) -> Sound:
     if not kept.exists():
         x = sound_of(path, seconds)
         embedder = AudioEmbedder(
-            FS, 2, payload_of, profile="standard",
+            FS,
+            2,
+            payload_of,
+            profile="standard",
             rehearsal=make_rehearsal(find_profile("standard"), 0, None),
-        )  # fmt: skip
+        )
         parts = [embedder.process(x[i : i + BLOCK]) for i in range(0, len(x), BLOCK)]
         store.mkdir(parents=True, exist_ok=True)
         np.save(kept, np.concatenate([*parts, embedder.flush()]))

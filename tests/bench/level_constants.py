@@ -66,9 +66,12 @@ def figures(clip: Path, chosen: argparse.Namespace) -> str:
     sent = [(rng.bytes(profile.l0_bytes), rng.bytes(profile.l1_bytes)) for _ in range(whole + 3)]
     begin = time.process_time()
     marker = AudioEmbedder(
-        fs, sound.shape[1], sent.__getitem__, profile=profile.name,
+        fs,
+        sound.shape[1],
+        sent.__getitem__,
+        profile=profile.name,
         rehearsal=make_rehearsal(profile, 0, chosen.through),
-    )  # fmt: skip
+    )
     parts = [marker.process(sound[i : i + BLOCK]) for i in range(0, len(sound), BLOCK)]
     marked = np.concatenate([*parts, marker.flush()])
     cost = (time.process_time() - begin) / len(sound) * fs

@@ -111,9 +111,12 @@ def embed(path: Path, profile: str, hours: float) -> None:
     chosen = find_profile(profile)
     payload = bytes(chosen.l0_bytes), bytes(chosen.l1_bytes)
     embedder = AudioEmbedder(
-        FS, x.shape[1], lambda k: payload, profile=profile,
+        FS,
+        x.shape[1],
+        lambda k: payload,
+        profile=profile,
         rehearsal=make_rehearsal(chosen, 0, None),
-    )  # fmt: skip
+    )
     for number, block in enumerate(rounds(x)):
         embedder.process(block)
         if number % TOLD_S == TOLD_S - 1:

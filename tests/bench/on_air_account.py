@@ -183,8 +183,8 @@ def _arrived(superframes: Iterable[Any], begins_s: float) -> list[Arrived]:
 
 
 def account(
-    meant: Iterable[bytes], reached: Iterable[bytes], left: Iterable[bytes], events: list[Event],
-) -> Account:  # fmt: skip
+    meant: Iterable[bytes], reached: Iterable[bytes], left: Iterable[bytes], events: list[Event]
+) -> Account:
     """Return what became of the superframes of a programme.
 
     Parameters

@@ -78,8 +78,11 @@ def cost_of(folder: Path, *command: str) -> tuple[float, float]:
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(
         [sys.executable, "-c", ALONE, sys.executable, *command],
-        cwd=folder, env=environment, capture_output=True, check=True,
-    )  # fmt: skip
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
     status, seconds, megabytes = map(float, done.stdout.split())
     log = (folder / "log").read_text(errors="replace")
     if status not in (0, 1) or "Traceback" in log:

@@ -37,9 +37,12 @@ def mark(x: Sound, profile: str, coder: str | None) -> Sound:
     chosen, rng = find_profile(profile), np.random.default_rng(0)
     superframe = rng.bytes(chosen.l0_bytes), rng.bytes(chosen.l1_bytes)
     embedder = AudioEmbedder(
-        FS, x.shape[1], lambda k: superframe, profile=profile,
+        FS,
+        x.shape[1],
+        lambda k: superframe,
+        profile=profile,
         rehearsal=make_rehearsal(chosen, 0, coder),
-    )  # fmt: skip
+    )
     parts = [embedder.process(x[i : i + BLOCK]) for i in range(0, len(x), BLOCK)]
     return np.concatenate([*parts, embedder.flush()])
 
@@ -86,9 +89,13 @@ def main() -> None:
     parser.add_argument("--profile", default="standard")
     parser.add_argument("--only", choices=["search"], help="leave the rest out")
     parser.add_argument(
-        "--search-s", type=float, nargs="*", default=SEARCHED_S, metavar="SECONDS",
+        "--search-s",
+        type=float,
+        nargs="*",
+        default=SEARCHED_S,
+        metavar="SECONDS",
         help="lengths of unmarked sound, default: %(default)s",
-    )  # fmt: skip
+    )
     options = parser.parse_args()
     for path in options.clips:
         x, fs = soundfile.read(path, dtype="float32", always_2d=True)

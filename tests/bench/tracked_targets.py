@@ -54,10 +54,14 @@ def tracked(
     height = 2 * round(width / ASPECT / 2)
     pictures = []
     for place, shape in TARGETS:
-        params = np.concatenate([
-            np.zeros(7), table.shape_targets[shape], table.neutral_head,
-            table.placement_targets[shape, place],
-        ])  # fmt: skip
+        params = np.concatenate(
+            [
+                np.zeros(7),
+                table.shape_targets[shape],
+                table.neutral_head,
+                table.placement_targets[shape, place],
+            ]
+        )
         picture = np.full((height, width, 3), (90, 96, 110), np.uint8)
         portrait.draw(picture, avatar.place((params + rng.normal(0, spread, 31))[None])[0])
         pictures += [picture] * FRAMES

@@ -25,9 +25,11 @@ LIKE = {
 """French phones whose lips are nearest; all others are written alike."""
 
 ENDS = {
-    "side down": ("side", (0.0, -60.0, 0.0)), "side forward": ("side", (0.0, 0.0, 60.0)),
-    "side to throat": ("throat", (0.0, 0.0, 0.0)), "chin to throat": ("throat", (0.0, 0.0, 0.0)),
-}  # fmt: skip
+    "side down": ("side", (0.0, -60.0, 0.0)),
+    "side forward": ("side", (0.0, 0.0, 60.0)),
+    "side to throat": ("throat", (0.0, 0.0, 0.0)),
+    "chin to throat": ("throat", (0.0, 0.0, 0.0)),
+}
 """Where placements that move end: a placement of French, and mm beside it."""
 
 SENTENCE = (
@@ -52,9 +54,11 @@ def american_voice() -> Voice:
         placements[:, number] = table.placement_targets[:, home.placements.index(like)] + change
     rows = [home.number_of[LIKE.get(symbol, symbol)] for symbol in language.phones]
     gestures = GestureTable(
-        table.shape_targets, placements.astype(np.float32), table.viseme_targets[rows],
+        table.shape_targets,
+        placements.astype(np.float32),
+        table.viseme_targets[rows],
         table.neutral_head,
-    )  # fmt: skip
+    )
     return replace(voice, name="american", gestures=gestures, language=language)
 
 

@@ -42,9 +42,13 @@ def perform(toy_voice: Voice) -> Callable[[Score, int], Motion]:
 
     def make(score: Score, superframes: int, seed: int = 0) -> Motion:
         motion = Motion(
-            np.zeros((superframes * TICKS, len(toy_voice.layout)), np.float32), 50, 0.0,
-            toy_voice.layout, toy_voice.identity, score,
-        )  # fmt: skip
+            np.zeros((superframes * TICKS, len(toy_voice.layout)), np.float32),
+            50,
+            0.0,
+            toy_voice.layout,
+            toy_voice.identity,
+            score,
+        )
         parts = parts_of(motion, superframes)
         params = [
             resynthesis_of(coding_for(toy_voice), near(parts, k), k).params()

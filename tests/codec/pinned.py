@@ -179,10 +179,11 @@ def on_air(score: Score | None, l0: int, l1: int, seed: int = 0, **given: Any) -
         "lasting": lambda k: "L0" if 3 <= k <= 6 else "",
     }
     found: dict[str, Any] = {
-        "l0": [crc([s.l0[HEADER_BYTES:]]) for s in sent], "l1": [crc([s.l1]) for s in sent],
+        "l0": [crc([s.l0[HEADER_BYTES:]]) for s in sent],
+        "l1": [crc([s.l1]) for s in sent],
         "fields": [crc([repr(map_superframe(s)).encode()]) for s in sent],
         "bits": crc([describe_bits(s, colour=bool(s.index % 2)).encode() for s in sent]),
-    }  # fmt: skip
+    }
     for name, lost in lines.items():
         found[name] = read_back(sent, lost, lips=name == "single")
     return found
@@ -194,13 +195,15 @@ def filed(cues: Score | None, seed: int = 0, **given: Any) -> dict[str, Any]:
     motion = decode_stream(data, voice())
     head, document = read_head(data), inspect_stream(data)
     return {
-        "data": crc([data]), "bytes": len(data), "head": repr(head),
+        "data": crc([data]),
+        "bytes": len(data),
+        "head": repr(head),
         "score": told(motion.score or Score((), ())),
         "params": course(np.array_split(motion.params, SUPERFRAMES)),
         "described": crc([repr(document).encode(), describe(document).encode()]),
         "bits": crc(bits_of(data)),
         "broken": crc([refused(decode_stream, broken, voice()) for broken in wounds(data)]),
-    }  # fmt: skip
+    }
 
 
 def bits_of(data: bytes) -> Iterator[bytes]:

@@ -42,9 +42,12 @@ print(kernels.outer(10), heard, Settings.count)
 
 def start(folder: Path) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True, cwd=folder,
+        [sys.executable, "-c", PROGRAM],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=folder,
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), *sys.path])},
-    )  # fmt: skip
+    )
 
 
 def test_one_process_compiles_and_the_next_loads(tmp_path: Path) -> None:
@@ -62,10 +65,15 @@ def test_who_is_killed_lets_the_next_one_compile(tmp_path: Path) -> None:
     lock = tmp_path / "__pycache__" / "compiling.lock"
     lock.parent.mkdir()
     holder = subprocess.Popen(
-        [sys.executable, "-c", "import fcntl, sys, time; f = open(sys.argv[1], 'w');"
-         "fcntl.flock(f, fcntl.LOCK_EX); print('held', flush=True); time.sleep(60)", str(lock)],
+        [
+            sys.executable,
+            "-c",
+            "import fcntl, sys, time; f = open(sys.argv[1], 'w');"
+            "fcntl.flock(f, fcntl.LOCK_EX); print('held', flush=True); time.sleep(60)",
+            str(lock),
+        ],
         stdout=subprocess.PIPE,
-    )  # fmt: skip
+    )
     assert holder.stdout is not None
     holder.stdout.readline()
     waiting = start(tmp_path)
@@ -93,9 +101,13 @@ assert [main(verb) for verb in {verbs!r}] == [0, 0, 0]
 print(sorted({{"numba", "scipy", "av", "matplotlib"}} & set(sys.modules)))
 """
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path,
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
+    )
     assert done.stdout.splitlines()[-1] == "[]"
 
 

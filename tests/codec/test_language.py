@@ -42,10 +42,11 @@ def numbers(joined: MergedScore) -> list[list[int]]:
     return [
         [
             english().key_number(key.shape, key.placement),
-            round(key.start / TICK_S), round(key.end / TICK_S),
+            round(key.start / TICK_S),
+            round(key.end / TICK_S),
         ]
         for key in joined.every
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.vectors("language")
@@ -83,9 +84,12 @@ def test_vectors_of_superframes(case: dict[str, Any]) -> None:
 def test_diphthongs_and_moving_vowels_have_keys_of_their_own() -> None:
     score = spoken("t aɪ d ə g oʊ ʌ p eɪ".split())
     assert named(score.keys) == [
-        (5, "side to throat"), (1, "side down"), (7, "side forward"), (5, "side down"),
+        (5, "side to throat"),
+        (1, "side down"),
+        (7, "side forward"),
+        (5, "side down"),
         (1, "chin to throat"),
-    ]  # fmt: skip
+    ]
 
 
 def test_the_hand_goes_on_within_a_key_whose_placement_moves() -> None:

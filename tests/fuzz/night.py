@@ -106,9 +106,13 @@ def fuzz(
                 tell(name, data, wrong)
     took = time.monotonic() - begin
     return {
-        "target": name, "inputs": done, "broken": broken, "took_s": round(took),
-        "grown_mb": round((peak - base) / 1000), "peak_mb": round(peak / 1000),
-    }  # fmt: skip
+        "target": name,
+        "inputs": done,
+        "broken": broken,
+        "took_s": round(took),
+        "grown_mb": round((peak - base) / 1000),
+        "peak_mb": round(peak / 1000),
+    }
 
 
 def tell(name: str, data: bytes, wrong: str) -> None:
@@ -145,8 +149,8 @@ def covered(name: str, inputs: int, seed: int) -> dict[str, int]:
             check=False, capture_output=True, cwd=ROOT,
         )  # fmt: skip
         subprocess.run(
-            [*coverage, "json", f"--data-file={data}", "-o", report, "-q"], check=True, cwd=ROOT,
-        )  # fmt: skip
+            [*coverage, "json", f"--data-file={data}", "-o", report, "-q"], check=True, cwd=ROOT
+        )
         totals = json.loads(report.read_text())["totals"]
     return {"lines": totals["num_statements"], "covered": totals["covered_lines"]}
 

@@ -257,12 +257,15 @@ def command(data: bytes) -> None:
     argv = [word.decode("utf-8", "replace") for word in words.split(b"\0")][:12]
     out, told = io.TextIOWrapper(io.BytesIO()), io.StringIO()
     with (
-        tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), as_file(content) as path,
-        contextlib.redirect_stdout(out), contextlib.redirect_stderr(told),
+        tempfile.TemporaryDirectory() as folder,
+        contextlib.chdir(folder),
+        as_file(content) as path,
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(told),
         mock.patch.object(cli, "build_parser", parser),
         mock.patch("codec.cuer.voice.load_voice", voice_called),
         mock.patch("cuecast.command.voices.load_voice", voice_called),
-    ):  # fmt: skip
+    ):
         argv = [path if word == "@" else word for word in argv]
         verb = next((word for word in argv if not word.startswith("-")), "")
         if verb in ("demo", "evaluate", "batch", "watch", "synth", "dub", "render"):
@@ -350,15 +353,18 @@ def command_seeds() -> list[bytes]:
 
 TARGETS: dict[str, Target] = {
     "superframes": Target(
-        lambda: list(inputs("superframes", "seeds").values()), consume,
+        lambda: list(inputs("superframes", "seeds").values()),
+        consume,
         ("codec/superframe", "codec/streamfile"),
     ),
     "tracker": Target(
-        lambda: [*(bytes(range(i, i + 64)) for i in (0, 40, 90, 160)), bytes(64)], track,
+        lambda: [*(bytes(range(i, i + 64)) for i in (0, 40, 90, 160)), bytes(64)],
+        track,
         ("receiver/reception/tracking.py",),
     ),
     "proofs": Target(
-        lambda: [bytes([first]) + bytes(2 * 60) for first in (2, 4, 9)], verify,
+        lambda: [bytes([first]) + bytes(2 * 60) for first in (2, 4, 9)],
+        verify,
         ("codec/authentication/verifier.py",),
     ),
     "keys": Target(keys, of_file(read_keys), ("codec/authentication/announcement.py",), text=True),
@@ -366,20 +372,20 @@ TARGETS: dict[str, Target] = {
         lambda: [transport()[: 188 * 40], sound_alone()[: 188 * 24]], live, ("receiver/live",)
     ),
     "media": Target(films, of_file(media), ("receiver/media",)),
-    "boxes": Target(
-        lambda: [b"\0\0\0\x09freex" * 3], boxes, ("receiver/live/fragments.py",)
-    ),
+    "boxes": Target(lambda: [b"\0\0\0\x09freex" * 3], boxes, ("receiver/live/fragments.py",)),
     "protocol": Target(
         lambda: [json.dumps({"type": "position", "time_s": 4.5, "jumped": False}).encode()],
         lambda data: parse_position(data.decode("utf-8", "replace")),
-        ("receiver/television/protocol.py",), text=True,
+        ("receiver/television/protocol.py",),
+        text=True,
     ),
     "motions": Target(
         motions, of_file(load_motion), ("codec/cuer/motion.py", "codec/files/npz.py")
     ),
     "scores": Target(
         lambda: [Score((), ()).to_json().encode()],
-        lambda data: Score.from_json(data.decode("utf-8", "replace")), ("codec/cues/score.py",),
+        lambda data: Score.from_json(data.decode("utf-8", "replace")),
+        ("codec/cues/score.py",),
         text=True,
     ),
     "c3d": Target(c3d_seeds, of_file(c3d_frames), ("codec/files/c3d_points.py",)),
@@ -391,8 +397,10 @@ TARGETS: dict[str, Target] = {
         textgrid_seeds, of_file(read_textgrid), ("synth/planning/scoring/textgrid.py",), text=True
     ),
     "maps": Target(
-        lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"], of_file(read_map),
-        ("synth/capture/points/labels.py",), text=True,
+        lambda: [b'{"a": "FH0"}', b"a,FH0\nb,NB\n"],
+        of_file(read_map),
+        ("synth/capture/points/labels.py",),
+        text=True,
     ),
     "command": Target(command_seeds, command, ("cuecast/command", "cuecast/verbs"), text=True),
-}  # fmt: skip
+}

@@ -25,9 +25,13 @@ def test_map_recovers_a_linear_mesh() -> None:
     markers = (hidden @ to_markers).reshape(200, 10, 3)
     vertices = (hidden @ rng.normal(size=(3, 60)) * to_mesh).reshape(200, 20, 3)
     found = learn(
-        markers, vertices, ridge=1e-9, rank=3,
-        rest_markers=np.zeros((10, 3)), rest=np.zeros((20, 3)),
-    )  # fmt: skip
+        markers,
+        vertices,
+        ridge=1e-9,
+        rank=3,
+        rest_markers=np.zeros((10, 3)),
+        rest=np.zeros((20, 3)),
+    )
     assert np.abs(found.vertices(markers) - vertices).max() < 1e-4
 
 
@@ -37,9 +41,9 @@ def test_cut_divides_a_surface_along_a_level() -> None:
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     i, j = np.meshgrid(np.arange(4), np.arange(5), indexing="ij")
     a = (i * 6 + j).ravel()
-    triangles = np.concatenate([
-        np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)
-    ])  # fmt: skip
+    triangles = np.concatenate(
+        [np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)]
+    )
 
     def level(places: np.ndarray) -> np.ndarray:
         return np.asarray(places[:, 1] - 0.3 * places[:, 0] - 1.23)
@@ -178,9 +182,9 @@ def test_bent_edges_are_divided_without_gaps() -> None:
     points = 20 * np.stack([x.ravel(), y.ravel(), -0.3 * (x.ravel() - 2) ** 2], axis=1)
     i, j = np.meshgrid(np.arange(4), np.arange(5), indexing="ij")
     a = (i * 6 + j).ravel()
-    triangles = np.concatenate([
-        np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)
-    ])  # fmt: skip
+    triangles = np.concatenate(
+        [np.stack([a, a + 1, a + 7], axis=1), np.stack([a, a + 7, a + 6], axis=1)]
+    )
     normals = np.stack([0.6 * (x.ravel() - 2), 0 * x.ravel(), 1 + 0 * x.ravel()], axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     own = np.repeat(np.arange(len(points))[:, None], 3, axis=1)

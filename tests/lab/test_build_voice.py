@@ -23,19 +23,27 @@ def test_the_gesture_table_leads_to_the_targets_of_the_body(voice: Voice) -> Non
     for shape in range(1, 9):
         for placement in range(1, len(PLACEMENTS)):
             params = np.concatenate(
-                [table.viseme_targets[0], table.shape_targets[shape], table.neutral_head,
-                 table.placement_targets[shape, placement]]
-            )  # fmt: skip
+                [
+                    table.viseme_targets[0],
+                    table.shape_targets[shape],
+                    table.neutral_head,
+                    table.placement_targets[shape, placement],
+                ]
+            )
             away = np.linalg.norm(
                 voice.reconstruct(params[None])[0] - keys[shape, placement], axis=1
             )
             assert away[N_FACE:].mean() < 1.3  # measured 1.08 mm; under 1 mm with the old places
             assert away[MARKER_NUMBER[longest_finger_tip(shape)]] < 2.0
     face = np.concatenate(
-        [table.viseme_targets, np.tile(table.shape_targets[0], (38, 1)),
-         np.tile(table.neutral_head, (38, 1)), np.tile(table.placement_targets[0, 0], (38, 1))],
+        [
+            table.viseme_targets,
+            np.tile(table.shape_targets[0], (38, 1)),
+            np.tile(table.neutral_head, (38, 1)),
+            np.tile(table.placement_targets[0, 0], (38, 1)),
+        ],
         axis=1,
-    )  # fmt: skip
+    )
     away = np.linalg.norm(voice.reconstruct(face) - visemes, axis=2)[:, :N_FACE]
     assert away.mean() < 0.5  # 0.27 mm, 2026-11
 

@@ -32,22 +32,30 @@ def make_voice(seed: int = 0) -> Voice:
     weights = np.ones((len(FACE_MARKERS), 6))
     weights[[FACE_MARKERS.index(name) for name in THROAT]] = 0.4
     face = FaceModel(
-        _f32(_face_points()), _f32(rng.normal(0, 2, (7, len(FACE_MARKERS), 3))),
-        _f32([3, 690, 100]), _f32(np.zeros(6)),
-        _f32(rng.normal(0, 1, (N_HEAD, 6)) * [0.03, 0.03, 0.03, 3, 3, 3]), _f32(weights),
-    )  # fmt: skip
+        _f32(_face_points()),
+        _f32(rng.normal(0, 2, (7, len(FACE_MARKERS), 3))),
+        _f32([3, 690, 100]),
+        _f32(np.zeros(6)),
+        _f32(rng.normal(0, 1, (N_HEAD, 6)) * [0.03, 0.03, 0.03, 3, 3, 3]),
+        _f32(weights),
+    )
     regression = rng.normal(0, 4, (1 + 2 * N_ANGLES, len(HAND_MARKERS), 3))
     regression[0, :, 1] += np.linspace(80, -120, len(HAND_MARKERS))
     hand = HandModel(
-        _f32(rng.normal(0, 0.3, N_ANGLES)), _f32(rng.normal(0, 0.3, (12, N_ANGLES))),
-        _f32(regression), _f32([-110, 560, 190]), _f32([0.1, -0.2, 0.3, 1, 2, 3]),
+        _f32(rng.normal(0, 0.3, N_ANGLES)),
+        _f32(rng.normal(0, 0.3, (12, N_ANGLES))),
+        _f32(regression),
+        _f32([-110, 560, 190]),
+        _f32([0.1, -0.2, 0.3, 1, 2, 3]),
         _f32(rng.normal(0, 1, (N_FOREARM, 6)) * [0.1, 0.1, 0.1, 20, 20, 20]),
         _f32(np.zeros((0, len(HAND_MARKERS), 3))),
-    )  # fmt: skip
+    )
     gestures = GestureTable(
-        _f32(rng.normal(size=(9, 12))), _f32(rng.normal(size=(9, 6, N_FOREARM))),
-        _f32(rng.normal(size=(38, 7))), _f32(np.zeros(N_HEAD)),
-    )  # fmt: skip
+        _f32(rng.normal(size=(9, 12))),
+        _f32(rng.normal(size=(9, 6, N_FOREARM))),
+        _f32(rng.normal(size=(38, 7))),
+        _f32(np.zeros(N_HEAD)),
+    )
     return Voice("stand-in", face, hand, gestures)
 
 

@@ -21,9 +21,14 @@ class Transmitter(threading.Thread):
     """
 
     def __init__(
-        self, data: bytes, port: int, seconds: float,
-        *, loss: float = 0.0, rng: np.random.Generator | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        data: bytes,
+        port: int,
+        seconds: float,
+        *,
+        loss: float = 0.0,
+        rng: np.random.Generator | None = None,
+    ) -> None:
         super().__init__(daemon=True)
         self._loss, self._rng = loss, rng or np.random.default_rng(0)
         self._data, self._port, self._seconds = data, port, seconds

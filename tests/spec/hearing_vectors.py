@@ -119,18 +119,20 @@ def sounds() -> Iterator[tuple[str, str, str, Sound]]:
         for channels, name in ((1, "mono"), (2, "stereo")):
             sound = written(profile, channels, 1, 3, 10 * seed + channels)
             yield (
-                f"{profile}-{name}", f"soft values and payload of profile {profile}, {name}, plain",
+                f"{profile}-{name}",
+                f"soft values and payload of profile {profile}, {name}, plain",
                 "units (W23 to W28), signs and dither of the profile (W16)"
                 + ("; where cells stand, units of left and right (W43, W44)" * (channels - 1)),
                 sound,
-            )  # fmt: skip
+            )
     for channels, name in ((1, "mono"), (2, "stereo")):
         sound = written("standard", channels, 5, 7, 50 + channels)
         yield (
-            f"standard-{name}-aac", f"a superframe behind AAC at {64 * channels} kbit/s",
+            f"standard-{name}-aac",
+            f"a superframe behind AAC at {64 * channels} kbit/s",
             "both readings of side cells, weights by position (A8, A10), lists (A9)",
             through_aac(sound),
-        )  # fmt: skip
+        )
     plain = written("standard", 2, 1, 4, 61)
     yield (
         "standard-stereo-plus-20-dB",

@@ -52,17 +52,23 @@ def as_reference(part: ScorePart | Window | None) -> dict[str, Any] | None:
     cheek = [part.options.un, part.options.schwa, part.options.oe]
     if isinstance(part, Window):
         return {
-            "begin": part.begin, "end": part.end, "numbers": list(part.numbers),
-            "starts": list(part.starts), "cheek": [int(name == "cheek") for name in cheek],
+            "begin": part.begin,
+            "end": part.end,
+            "numbers": list(part.numbers),
+            "starts": list(part.starts),
+            "cheek": [int(name == "cheek") for name in cheek],
             "rest_gap": REST_GAPS_S.index(part.options.rest_gap_s),
-        }  # fmt: skip
+        }
     return {
-        "first": part.first, "first_end": part.first_end, "numbers": list(part.numbers),
-        "starts": list(part.starts), "ahead": part.ahead,
+        "first": part.first,
+        "first_end": part.first_end,
+        "numbers": list(part.numbers),
+        "starts": list(part.starts),
+        "ahead": part.ahead,
         "cheek": [int(name == "cheek") for name in cheek],
         "rest_gap": REST_GAPS_S.index(part.options.rest_gap_s),
         "overrides": {str(k): list(v) for k, v in part.overrides.items()},
-    }  # fmt: skip
+    }
 
 
 def broken_rule(l0: bytes, bases: Bases) -> str:
@@ -75,8 +81,13 @@ def broken_rule(l0: bytes, bases: Bases) -> str:
 
 def setting_of(decoded: reference.Decoded) -> list[int]:
     return [
-        decoded.step, decoded.basis, decoded.level, decoded.course, decoded.shift, *decoded.shares
-    ]  # fmt: skip
+        decoded.step,
+        decoded.basis,
+        decoded.level,
+        decoded.course,
+        decoded.shift,
+        *decoded.shares,
+    ]
 
 
 def header_of(decoded: reference.Decoded) -> list[int]:
@@ -207,11 +218,14 @@ def test_vectors(case: dict[str, Any]) -> None:
 def said(found: reference.Decoded) -> dict[str, Any]:
     """Return what a vector states of a superframe."""
     return {
-        "header": header_of(found), "slow": found.slow, "setting": setting_of(found),
-        "previews": found.previews, "score": found.score,
+        "header": header_of(found),
+        "slow": found.slow,
+        "setting": setting_of(found),
+        "previews": found.previews,
+        "score": found.score,
         "indices": {str(i): q for i, q in enumerate(found.indices) if q},
         "values": {str(i): v for i, v in enumerate(found.values) if v},
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.vectors("checks")

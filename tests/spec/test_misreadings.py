@@ -113,11 +113,14 @@ def passes(reference: Any) -> bool:
         header = [found.mode, found.sequence, found.lead, found.signed, found.proof]
         setting = [found.step, found.basis, found.level, found.course, found.shift, *found.shares]
         told = {
-            "header": header, "slow": found.slow, "setting": setting,
-            "previews": found.previews, "score": found.score,
+            "header": header,
+            "slow": found.slow,
+            "setting": setting,
+            "previews": found.previews,
+            "score": found.score,
             "indices": {str(i): q for i, q in enumerate(found.indices) if q},
             "values": {str(i): v for i, v in enumerate(found.values) if v},
-        }  # fmt: skip
+        }
         if any(told[name] != case[name] for name in told):
             return False
         if found.mode == 1 and not (found.signed or found.slow or found.filmed):

@@ -142,10 +142,12 @@ def says(modules: dict[str, Any], case: dict[str, Any]) -> bool:
     return bool(case["valid"]) and case == {
         **case,
         "coding": found.coding,
-        "span": [found.first_tick, found.ticks, found.l0, found.l1], "learns": found.learns,
-        "line": found.line, "payloads": [payload.hex() for payload in found.payloads],
+        "span": [found.first_tick, found.ticks, found.l0, found.l1],
+        "learns": found.learns,
+        "line": found.line,
+        "payloads": [payload.hex() for payload in found.payloads],
         "keys": [[cue.number, cue.start, cue.end] for cue in files.keys(found)],
-    }  # fmt: skip
+    }
 
 
 def moves(modules: dict[str, Any]) -> bool:

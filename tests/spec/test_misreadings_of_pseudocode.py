@@ -81,10 +81,14 @@ def misread(wanted: int) -> tuple[ast.Module, str]:
 def passes(tree: ast.Module) -> bool:
     """Return whether a program gives all vectors."""
     names: dict[str, Any] = {
-        "tables": TABLES, "bases": DOCUMENTS[0]["bases"], "identity": DOCUMENTS[0]["identity"],
-        "crc": crc, "require": require, "number": lambda data: int.from_bytes(data, "big"),
+        "tables": TABLES,
+        "bases": DOCUMENTS[0]["bases"],
+        "identity": DOCUMENTS[0]["identity"],
+        "crc": crc,
+        "require": require,
+        "number": lambda data: int.from_bytes(data, "big"),
         **of_the_language(),
-    }  # fmt: skip
+    }
     try:
         exec(compile(tree, "spec/syntax.md", "exec"), names)
         return all(gives(names, case) for document in DOCUMENTS for case in document["cases"])

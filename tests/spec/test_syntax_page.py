@@ -27,10 +27,14 @@ def blocks(document: dict[str, Any]) -> dict[str, Any]:
     """Return what the blocks of the page define, for a document's bases and identity."""
     found = re.findall(r"```python\n(.*?)```", (SPEC / "syntax.md").read_text("utf-8"), re.S)
     names: dict[str, Any] = {
-        "tables": TABLES, "bases": document["bases"], "identity": document["identity"],
-        "crc": crc, "require": require, "number": lambda data: int.from_bytes(data, "big"),
+        "tables": TABLES,
+        "bases": document["bases"],
+        "identity": document["identity"],
+        "crc": crc,
+        "require": require,
+        "number": lambda data: int.from_bytes(data, "big"),
         **of_the_language(),
-    }  # fmt: skip
+    }
     for block in found:
         exec(compile(block, "spec/syntax.md", "exec"), names)
     return names

@@ -16,9 +16,14 @@ RATE_HZ = 30.0
 
 
 def project(
-    identity: str, score: Score, *, seconds: float, noise_mm: float = 0.0, seed: int = 0,
+    identity: str,
+    score: Score,
+    *,
+    seconds: float,
+    noise_mm: float = 0.0,
+    seed: int = 0,
     rate_hz: float = RATE_HZ,
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return face (T, L, 3) and hand (T, 21, 3) in parts of the picture, and the true markers."""
     cuer = GestureSynthesiser(identity, rate_hz=rate_hz, seed=seed)
     return film(cuer, score, seconds=seconds, noise_mm=noise_mm, seed=seed)
@@ -32,10 +37,13 @@ def wide(face: FloatArray, hand: FloatArray, numbers: tuple[int, ...] = FACE_LAN
     lips = set(numbers) & {0, 17, 37, 39, 40, 61, 84, 91, 146, 181, 185, 267, 269, 270, 291, 314,
                            321, 375, 405, 409}  # fmt: skip
     writer.writerow(
-        ["fn_video", "frame_number",
-         *(f"hand_{a}{i}" for i in range(21) for a in "xyz"),
-         *(f"{'lip' if n in lips else 'face'}_{a}{n}" for n in numbers for a in "xyz")]
-    )  # fmt: skip
+        [
+            "fn_video",
+            "frame_number",
+            *(f"hand_{a}{i}" for i in range(21) for a in "xyz"),
+            *(f"{'lip' if n in lips else 'face'}_{a}{n}" for n in numbers for a in "xyz"),
+        ]
+    )
     for k, (f, h) in enumerate(zip(face[:, slots], hand, strict=True), start=1):
         values = np.concatenate([h.ravel(), f.ravel()])
         writer.writerow(["a.mp4", k, *("" if np.isnan(v) else f"{v:.7f}" for v in values)])

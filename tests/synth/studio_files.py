@@ -35,9 +35,12 @@ def take(identity: str, *, swaps: float = 0.0, ghosts: float = 0.0, seed: int = 
 
 
 def trc(
-    markers: NDArray[np.floating], labels: tuple[str, ...] = MARKERS, *, unit: str = "mm",
+    markers: NDArray[np.floating],
+    labels: tuple[str, ...] = MARKERS,
+    *,
+    unit: str = "mm",
     rate_hz: float = RATE_HZ,
-) -> str:  # fmt: skip
+) -> str:
     """Return a TRC file; hidden markers are empty fields."""
     lines = [
         "PathFileType\t4\t(X/Y/Z)\ttake.trc",
@@ -72,9 +75,13 @@ def tsv(markers: NDArray[np.floating], labels: tuple[str, ...] = MARKERS, *, lea
 
 
 def write_foreign_c3d(
-    path: Path, markers: NDArray[np.floating], labels: list[str], *, unit: str = "mm",
+    path: Path,
+    markers: NDArray[np.floating],
+    labels: list[str],
+    *,
+    unit: str = "mm",
     rate_hz: float = RATE_HZ,
-) -> None:  # fmt: skip
+) -> None:
     """Write a C3D file by ezc3d, hidden points as the origin."""
     import ezc3d
 

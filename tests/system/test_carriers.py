@@ -23,9 +23,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sound, subtitles = make_sound()
     (path / "a.srt").write_text(as_srt(subtitles[:2]), encoding="utf-8")
     write_film(
-        path / "a.mkv", sound[: SECONDS * FS], FS, encoder="flac",
+        path / "a.mkv",
+        sound[: SECONDS * FS],
+        FS,
+        encoder="flac",
         pictures=islice(make_pictures(SECONDS), SECONDS * PICTURE_RATE),
-    )  # fmt: skip
+    )
     dub = ["dub", str(path / "a.mkv"), "--subtitles", str(path / "a.srt"), "--no-grade"]
     dub += ["--video-bitrate", "2000k"]
     every = [*dub, "--carriers", "audio,video,a335", "-o", str(path / "all.mkv")]

@@ -43,9 +43,11 @@ def loop(clip: Path, target: Path, seconds: float) -> int:
 def peak_mb(argv: list[str]) -> tuple[float, str]:
     """Run ``cuecast``; return its peak of resident memory, and what it printed."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "cuecast", *argv], stdout=subprocess.PIPE, stderr=sys.stderr,
+        [sys.executable, "-m", "cuecast", *argv],
+        stdout=subprocess.PIPE,
+        stderr=sys.stderr,
         text=True,
-    )  # fmt: skip
+    )
     assert process.stdout is not None
     with process.stdout as pipe:
         out = pipe.read()

@@ -99,15 +99,17 @@ Made = tuple[Callable[[Path], Path], list[str]]
 ODD: dict[str, Made] = {
     "no sound": (lambda p: write(p / "a.mp4", tracks=0), ["--carriers", "video"]),
     "uneven": (lambda p: write(p / "a.mp4", uneven=True), ["--carriers", "audio,video"]),
-    "light": (lambda p: write(p / "a.mp4", codec="libx265", prepare=with_light),
-              ["--carriers", "video"]),
+    "light": (
+        lambda p: write(p / "a.mp4", codec="libx265", prepare=with_light),
+        ["--carriers", "video"],
+    ),
     "chapters": (lambda p: write(p / "a.mkv", prepare=with_chapters), []),
     "three sounds": (lambda p: write(p / "a.mkv", tracks=3), ["--track", "1"]),
     "surround": (lambda p: write(p / "a.mkv", coder="ac3", layout="5.1(side)"), []),
     "mxf": (lambda p: write(p / "a.mxf", codec="mpeg2video", coder="pcm_s16le"), []),
     "portrait": (lambda p: write(p / "a.mp4", turn=True), ["--carriers", "audio,video"]),
     "24 frames": (lambda p: write(p / "a.mp4", fps=24), ["--carriers", "audio,video"]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", ODD)

@@ -53,10 +53,15 @@ def make_programme(path: Path, width: int, height: int, fps: int, seconds: int =
 
 
 def watch(
-    media: Path, visit: Callable[[Page], Awaitable[None]], tuner: Tuner | None = None,
-    width: int = 1280, height: int = 720, voice: Voice = VOICE, ready: str = READY,
+    media: Path,
+    visit: Callable[[Page], Awaitable[None]],
+    tuner: Tuner | None = None,
+    width: int = 1280,
+    height: int = 720,
+    voice: Voice = VOICE,
+    ready: str = READY,
     avatar: bytes | None = None,
-) -> None:  # fmt: skip
+) -> None:
     async def main() -> None:
         television = Television(tuner or MotionTuner(MOTION), voice, media, avatar=avatar)
         async with television.running() as address, browse(address, width, height) as page:

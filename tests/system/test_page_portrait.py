@@ -76,10 +76,14 @@ def test_avatar_on_the_page_is_the_portrait_of_python(
         for mirror, shape, place in product((False, True), shapes, places):
             if mirror and place != places[-1]:
                 continue
-            params = np.concatenate([
-                np.zeros(7), table.shape_targets[shape], table.neutral_head,
-                table.placement_targets[shape, place],
-            ])  # fmt: skip
+            params = np.concatenate(
+                [
+                    np.zeros(7),
+                    table.shape_targets[shape],
+                    table.neutral_head,
+                    table.placement_targets[shape, place],
+                ]
+            )
             script = PIXELS % (params.tolist(), str(mirror).lower(), "false")
             shown = decode_png(await page.evaluate(script)).astype(float)
             picture = np.zeros((*shown.shape[:2], 3), np.uint8)

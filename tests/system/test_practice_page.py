@@ -130,9 +130,10 @@ def test_ratings_and_passages_are_gone_through(kind: str, tmp_path: Path) -> Non
     else:
         for name in "abc":
             passage = {
-                "title": name, "sentences": ["Oui.", "Non."],
+                "title": name,
+                "sentences": ["Oui.", "Non."],
                 "questions": [{"text": "Quoi ?", "choices": ["oui", "non"], "right": 0}],
-            }  # fmt: skip
+            }
             (tmp_path / f"{name}.json").write_text(json.dumps(passage))
         trial = comprehension.prepare(made, "claire", passages=tmp_path, display="points")
     write_papers(trial)

@@ -140,9 +140,9 @@ def test_picture_of_a_chosen_size_and_side(folder: Path, run: Run) -> None:
     pictures = []
     for name, options in (("right", ()), ("left", ("--mirror",))):
         target = folder / f"{name}.png"
-        assert run(
-            "render", folder / "sent.npz", "-o", target, "--size", "160x180", *options
-        )[0] == 0  # fmt: skip
+        assert (
+            run("render", folder / "sent.npz", "-o", target, "--size", "160x180", *options)[0] == 0
+        )
         pictures.append(read_picture(target).astype(int))
     assert pictures[0].shape == (180, 160, 3)
     assert np.array_equal(pictures[0], pictures[1][:, ::-1])

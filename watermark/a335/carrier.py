@@ -337,9 +337,12 @@ class A335Receiver:
         for number in range(current.profile.superframes):
             if number not in current.given:
                 classes = read_shared(
-                    current.parts, current.profile, count=current.tag[1], number=number,
+                    current.parts,
+                    current.profile,
+                    count=current.tag[1],
+                    number=number,
                     domain=self._domain,
-                )  # fmt: skip
+                )
                 if classes is not None:
                     current.given.add(number)
                     found.append(self._found(current, classes, number))

@@ -175,20 +175,29 @@ def long_blocks(
 
 
 def _fragments(
-    payload: bytes, profile: A335Profile, count: int, version: int, domain: str,
+    payload: bytes,
+    profile: A335Profile,
+    count: int,
+    version: int,
+    domain: str,
     convention: Convention,
-) -> list[Block]:  # fmt: skip
+) -> list[Block]:
     """Cut a message with this payload into `count` blocks that are as long as fits."""
     message = pack_private(domain, payload, message_id=USER_PRIVATE_LONG)
     check = checksum(bytes([profile.message_id]) + message, convention)
     size = profile.body_bytes
     return [
         Block(
-            profile.message_id, version, i, count - 1, message[i * size : (i + 1) * size],
-            check if i == count - 1 else None, convention,
+            profile.message_id,
+            version,
+            i,
+            count - 1,
+            message[i * size : (i + 1) * size],
+            check if i == count - 1 else None,
+            convention,
         )
         for i in range(count)
-    ]  # fmt: skip
+    ]
 
 
 def join_long(

@@ -113,12 +113,7 @@ def body_capacity(system: LineSystem, message_id: int) -> int:
 
 
 def fragments(
-    message_id: int,
-    message: bytes,
-    *,
-    version: int,
-    size: int,
-    convention: Convention = "ieee",
+    message_id: int, message: bytes, *, version: int, size: int, convention: Convention = "ieee"
 ) -> list[Block]:
     """Cut a message into blocks of at most `size` body bytes, message checksum included.
 

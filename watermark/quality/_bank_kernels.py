@@ -90,9 +90,13 @@ def bank_frames_into(
         for s in range(2):
             for q in range(steps):
                 spread_amplitudes_into(
-                    filtered[s, t * steps + q], slope_db, step_db, new_slope, slopes[s],
+                    filtered[s, t * steps + q],
+                    slope_db,
+                    step_db,
+                    new_slope,
+                    slopes[s],
                     history[s, width - steps + q],
-                )  # fmt: skip
+                )
             for b in range(n):
                 total = noise[b]
                 for q in range(width):

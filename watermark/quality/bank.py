@@ -53,10 +53,7 @@ LENGTHS = np.array(
 
 # Two high-passes of second order, section 2.2.4: zeros at DC, recursive coefficients.
 _DC_REJECTION = np.array(
-    [
-        [1.0, -2.0, 1.0, 1.0, -1.99517, 0.995174],
-        [1.0, -2.0, 1.0, 1.0, -1.99799, 0.997998],
-    ]
+    [[1.0, -2.0, 1.0, 1.0, -1.99517, 0.995174], [1.0, -2.0, 1.0, 1.0, -1.99799, 0.997998]]
 )
 
 _GROUP = 10  # neighbouring bands that are filtered by one matrix, as long as the longest of them

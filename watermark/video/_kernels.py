@@ -152,9 +152,13 @@ def reduce_into(luma: NDArray[Any], factor: int, scale: float, out: NDArray[np.u
 
 @njit(cache=True)
 def waves_into(
-    values: FloatArray, shares: FloatArray, dither: FloatArray, step: float, cosine: PixelArray,
+    values: FloatArray,
+    shares: FloatArray,
+    dither: FloatArray,
+    step: float,
+    cosine: PixelArray,
     out: FloatArray,
-) -> float:  # fmt: skip
+) -> float:
     """How far each pilot speaks for bit 0; the return is the standard deviation of their sum.
 
     A value far from 0 comes from a textured cell, where a small error of place moves it: it has

@@ -19,9 +19,14 @@ VoteArray = NDArray[np.int16]
 
 @njit(cache=True)
 def resample_into(
-    picture: PixelArray, rows: IntArray, row_weights: PixelArray, columns: IntArray,
-    column_weights: PixelArray, margin: int, out: PixelArray,
-) -> None:  # fmt: skip
+    picture: PixelArray,
+    rows: IntArray,
+    row_weights: PixelArray,
+    columns: IntArray,
+    column_weights: PixelArray,
+    margin: int,
+    out: PixelArray,
+) -> None:
     """Show a picture at another size inside a margin; four source lines and columns make one.
 
     rows : (height, 4) and columns : (width, 4), with weights of the same shapes; out : (height + 2
@@ -67,9 +72,13 @@ def fine_texture_into(picture: PixelArray, out: PixelArray) -> None:
 
 @njit(cache=True)
 def pilot_fields_into(
-    picture: PixelArray, pilots: IntArray, first_x: IntArray, first_y: IntArray,
-    factors: PixelArray, out: PixelArray,
-) -> None:  # fmt: skip
+    picture: PixelArray,
+    pilots: IntArray,
+    first_x: IntArray,
+    first_y: IntArray,
+    factors: PixelArray,
+    out: PixelArray,
+) -> None:
     """Amplitude of each pilot at every displacement of its cell by whole pixels.
 
     pilots : (count, 3) template, row, column; first_x : (columns,) and first_y : (rows,), first

@@ -40,9 +40,7 @@ def content_box(mean: NDArray[np.float32]) -> Region:
     left, right = _ends(mean[top:bottom].T)
     if right - left < LEAST * columns:
         return WHOLE
-    return Region(
-        left / columns, top / rows, (right - left) / columns, (bottom - top) / rows
-    )  # fmt: skip
+    return Region(left / columns, top / rows, (right - left) / columns, (bottom - top) / rows)
 
 
 def _ends(picture: NDArray[np.float32]) -> tuple[int, int]:

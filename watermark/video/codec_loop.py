@@ -97,9 +97,14 @@ class PictureLoop:
     """
 
     def __init__(
-        self, profile: VideoProfile, modes: Sequence[Mode], grid: Grid, depth: int, timing: Timing,
+        self,
+        profile: VideoProfile,
+        modes: Sequence[Mode],
+        grid: Grid,
+        depth: int,
+        timing: Timing,
         channels: Sequence[TriedChannel],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._profile, self._modes, self._grid = profile, modes, grid
         self._writer = PatternWriter(grid.shape, depth, timing)
         self._trials = [
@@ -163,11 +168,13 @@ class PictureLoop:
     def _costs(self, finding: TrialFinding) -> FloatArray:
         """Mean square of the pattern at each strength, up to a factor."""
         fine, coarse = finding.parts
-        return np.array([
-            self._modes[s.rung].step ** 2
-            * (fine * s.fine**2 + coarse * (COARSE * s.coarse) ** 2)
-            for s in STRENGTHS
-        ])  # fmt: skip
+        return np.array(
+            [
+                self._modes[s.rung].step ** 2
+                * (fine * s.fine**2 + coarse * (COARSE * s.coarse) ** 2)
+                for s in STRENGTHS
+            ]
+        )
 
     def _enough(
         self, finding: TrialFinding, channel: TriedChannel, place: int, strong: NDArray[np.bool_]

@@ -75,9 +75,9 @@ def soft_bits(mean: FloatArray, variance: FloatArray, mode: Mode, texture: Float
     known = layout.pilot_bits ^ parity
     shares = lattice_shares(textures[pilots], PILOT_TEXTURES)
     spread = noise[pilots] / mode.pilot_step
-    scores = np.stack([
-        likelihood(place, known, sigma * spread, shares, PILOT_SPREADS) for sigma in NOISES
-    ])  # fmt: skip
+    scores = np.stack(
+        [likelihood(place, known, sigma * spread, shares, PILOT_SPREADS) for sigma in NOISES]
+    )
     together = scores.sum(axis=1)
     shares = lattice_shares(textures, [TEXTURE])
     for textured in (False, True):

@@ -12,15 +12,7 @@ from numpy.typing import NDArray
 
 from watermark.video.lattices import PILOT_TEXTURES
 from watermark.video.modes import Mode
-from watermark.video.profile import (
-    COARSE,
-    COLUMNS,
-    PILOT_SPREADS,
-    ROWS,
-    STEPS,
-    TEMPLATES,
-    TEXTURE,
-)
+from watermark.video.profile import COARSE, COLUMNS, PILOT_SPREADS, ROWS, STEPS, TEMPLATES, TEXTURE
 
 FloatArray = NDArray[np.float64]
 

@@ -64,9 +64,12 @@ def pilot_waves(place: FloatArray, texture: FloatArray) -> FloatArray:
 
 
 def likelihood(
-    place: FloatArray, bit: NDArray[np.int64] | int, sigma: FloatArray, shares: FloatArray,
+    place: FloatArray,
+    bit: NDArray[np.int64] | int,
+    sigma: FloatArray,
+    shares: FloatArray,
     spreads: Sequence[int] = (1, COARSE),
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Logarithm of the density of amplitudes, less the dither, around the lattices of a bit."""
     total = np.full(place.shape, 1e-4)
     for period, share in zip(spreads, shares, strict=True):

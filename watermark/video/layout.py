@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.link.keystream import stream_words
-from watermark.video.profile import (
-    COMMON,
-    COMMON_OF,
-    NUMBERS,
-    PILOTS,
-    POSITIONS,
-    VideoProfile,
-)
+from watermark.video.profile import COMMON, COMMON_OF, NUMBERS, PILOTS, POSITIONS, VideoProfile
 
 
 @dataclass(frozen=True, slots=True)

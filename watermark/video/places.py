@@ -226,9 +226,11 @@ def source_taps(count: int, size: int, start: float, length: float) -> tuple[Int
     first = np.floor(place).astype(np.int64)
     f = place - first
     weights = [
-        f * (f * (2 - f) - 1) / 2, 1 + f * f * (3 * f - 5) / 2,
-        f * (1 + f * (4 - 3 * f)) / 2, f * f * (f - 1) / 2,
-    ]  # fmt: skip
+        f * (f * (2 - f) - 1) / 2,
+        1 + f * f * (3 * f - 5) / 2,
+        f * (1 + f * (4 - 3 * f)) / 2,
+        f * f * (f - 1) / 2,
+    ]
     taps = np.clip(first[:, None] + np.arange(-1, 3), 0, size - 1)
     return taps, np.stack(weights, axis=1).astype(np.float32)
 
@@ -238,9 +240,7 @@ def _inside(box: Region, crops: FloatArray) -> Region:
     left, right, top, bottom = crops
     width = box.width * COLUMNS / (COLUMNS - left - right)
     height = box.height * ROWS / (ROWS - top - bottom)
-    return Region(
-        box.left - left * width / COLUMNS, box.top - top * height / ROWS, width, height
-    )  # fmt: skip
+    return Region(box.left - left * width / COLUMNS, box.top - top * height / ROWS, width, height)
 
 
 def _far(a: Region, b: Region) -> bool:

@@ -100,9 +100,14 @@ class PlaceSearch:
     """
 
     def __init__(
-        self, shape: tuple[int, int], timing: Timing, *, key: int = 0, strength: float = 1.0,
+        self,
+        shape: tuple[int, int],
+        timing: Timing,
+        *,
+        key: int = 0,
+        strength: float = 1.0,
         whole: Region = WHOLE,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._timing, self._whole = timing, whole
         self._scores = PilotScores(PilotWatch(key, strength), shape)
         self._shift = round(timing.span * SHIFT)
@@ -116,11 +121,14 @@ class PlaceSearch:
         scores, common = self._scores, self._scores.common
         self._tables = [
             PlaceTable(
-                scores.pilots[common], scores.dither[common], scores.step, scores.signs[0, common],
+                scores.pilots[common],
+                scores.dither[common],
+                scores.step,
+                scores.signs[0, common],
                 LOOKS,
             )
             for _ in range(2)
-        ]  # fmt: skip
+        ]
 
     def process(self, small: Small) -> list[PlaceCandidate]:
         """Take the next frame; return the places that look marked, usual ones first."""

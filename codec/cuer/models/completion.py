@@ -50,12 +50,14 @@ PALM_COLUMNS = _columns((*layout.PALM, *layout.KNUCKLES[1:]))
 DIGIT_COLUMNS = tuple(
     _columns(
         (
-            *layout.FINGERS[digit - 1], f"S{digit}", f"K{digit}",
+            *layout.FINGERS[digit - 1],
+            f"S{digit}",
+            f"K{digit}",
             *((f"P{digit}",) if digit > 1 else ()),
         )
     )
     for digit in range(1, 6)
-)  # fmt: skip
+)
 """Markers that are completed with each digit: its own and those of the palm at its root."""
 
 COMPLETED_COLUMNS = np.sort(np.concatenate(DIGIT_COLUMNS))

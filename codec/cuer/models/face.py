@@ -144,7 +144,8 @@ class FaceModel:
         )
         weights = self.weights[THROAT_COLUMNS]
         by_motion[:, :, THROAT_COLUMNS] = rigid.motion_slopes(
-            points[:, THROAT_COLUMNS], motion[:, None] * weights,
+            points[:, THROAT_COLUMNS],
+            motion[:, None] * weights,
             self.motion_directions[:, None] * weights,
-        )  # fmt: skip
+        )
         return out

@@ -105,9 +105,13 @@ class Mixture:
 
         completed, surprise = np.where(known, values, 0.0), np.zeros(values.shape)
         _kernels.expect_into(
-            *_rows(values, known), np.ascontiguousarray(share), self.means, self.precisions,
-            completed, surprise,
-        )  # fmt: skip
+            *_rows(values, known),
+            np.ascontiguousarray(share),
+            self.means,
+            self.precisions,
+            completed,
+            surprise,
+        )
         return completed, surprise
 
 
@@ -205,7 +209,5 @@ def _maximised(model: Mixture, values: FloatArray, known: BoolArray, share: Floa
     covariances = scatter + _SHRINK_ROWS * common
     covariances /= (total + _SHRINK_ROWS)[:, None, None]
     return Mixture(
-        np.maximum(total / total.sum(), 1e-6),
-        model.means + shift,
-        covariances + _FLOOR * np.eye(d),
+        np.maximum(total / total.sum(), 1e-6), model.means + shift, covariances + _FLOOR * np.eye(d)
     )

@@ -88,6 +88,9 @@ class Targets:
         return cls(
             np.repeat(table.shape_targets, n_placements, axis=0).astype(np.float64),
             np.tile(table.neutral_head, (n_keys, 1)).astype(np.float64),
-            forearm, np.zeros(n_forearm), table.viseme_targets.astype(np.float64),
-            movement, forearm @ voice.hand.motion_directions[:, 3:].astype(np.float64),
-        )  # fmt: skip
+            forearm,
+            np.zeros(n_forearm),
+            table.viseme_targets.astype(np.float64),
+            movement,
+            forearm @ voice.hand.motion_directions[:, 3:].astype(np.float64),
+        )

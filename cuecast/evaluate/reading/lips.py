@@ -11,12 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cues.cueing import (
-    NO_CONSONANT_SHAPE,
-    NO_VOWEL_PLACEMENT,
-    PLACEMENT_OF,
-    SHAPE_OF,
-)
+from codec.cues.cueing import NO_CONSONANT_SHAPE, NO_VOWEL_PLACEMENT, PLACEMENT_OF, SHAPE_OF
 from codec.cues.score import PLACEMENTS
 from cuecast.evaluate.reading.reader import Asked, CueReader, ReaderTake, ReadKey
 from cuecast.evaluate.reading.view import RATE_HZ, TakeView

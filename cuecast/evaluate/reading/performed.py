@@ -78,10 +78,13 @@ def filmed_takes(
         times = np.arange(0.0, seconds, 1.0 / _PICTURES_HZ)
         path = folder / f"read-{number}.mkv"
         write_film(
-            path, np.zeros((round(_FS * seconds), 1), np.float32), _FS, encoder="flac",
+            path,
+            np.zeros((round(_FS * seconds), 1), np.float32),
+            _FS,
+            encoder="flac",
             pictures=draw(motion, voice, times, style="avatar", size=_SIZE),
             picture_rate=_PICTURES_HZ,
-        )  # fmt: skip
+        )
         aspect = track(path, tracker, path.with_suffix(".csv"))
         seen = seen_in(read_landmarks(path.with_suffix(".csv")), aspect)
         takes.append(ReaderTake(path.stem, seen, asked(score.keys)))

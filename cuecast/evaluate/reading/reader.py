@@ -235,10 +235,12 @@ class CueReader:
             # Ways and rests lie among the keys, and move with them.
             shift = np.concatenate([_shift(self.shapes, shapes), _shift(self.places, places)])
             reader = replace(
-                self, shapes=shapes, places=places,
+                self,
+                shapes=shapes,
+                places=places,
                 way=replace(self.way, mean=self.way.mean + shift),
                 rest=replace(self.rest, mean=self.rest.mean + shift),
-            )  # fmt: skip
+            )
             shown = _examples((one, reader.read(one)) for one in views)
         return reader
 
@@ -285,9 +287,12 @@ def _prior(
     means, within = _means_and_spreads(taught)
     own = np.diag(np.square(alone))
     return CuerPrior(
-        means, within, tuple((column,) for column in range(means.shape[1])),
-        tuple(own + spread**2 for spread in together), _TRUST,
-    )  # fmt: skip
+        means,
+        within,
+        tuple((column,) for column in range(means.shape[1])),
+        tuple(own + spread**2 for spread in together),
+        _TRUST,
+    )
 
 
 def _means_and_spreads(normals: tuple[Normal, ...]) -> tuple[FloatArray, FloatArray]:
@@ -415,7 +420,8 @@ def _with_common(groups: list[list[FloatArray]]) -> tuple[Normal, ...]:
         _normal(
             own.mean(0),
             _OWN_SPREAD * scatter / len(own) + (1 - _OWN_SPREAD) * common
-            if len(own) > 3 * own.shape[1] else common,
+            if len(own) > 3 * own.shape[1]
+            else common,
         )
         for own, scatter in zip(every, scatters, strict=True)
-    )  # fmt: skip
+    )

@@ -80,9 +80,7 @@ def seen_in(table: LandmarkTable, aspect: float) -> TakeView:
     return view(face, hand)
 
 
-_OTHER_SIDE = {
-    234: 454, 61: 291, 39: 269, 181: 405, 40: 270, 91: 321,
-}  # fmt: skip
+_OTHER_SIDE = {234: 454, 61: 291, 39: 269, 181: 405, 40: 270, 91: 321}
 """Landmarks that the reader uses, and those on the other side of the face."""
 
 _MIRRORED = [

@@ -105,10 +105,12 @@ def view(face: FloatArray, hand: FloatArray) -> TakeView:
         whole[:, _PALM].mean(1), _SMOOTHED, 2, deriv=1, delta=1 / RATE_HZ, axis=0, mode="nearest"
     )
     return TakeView(
-        _fingers(whole), whole[:, [8, 12]].reshape(len(whole), -1),
+        _fingers(whole),
+        whole[:, [8, 12]].reshape(len(whole), -1),
         np.log(np.linalg.norm(moved, axis=1) + _STILL)[:, None],
-        (lips - mouth[:, None]).reshape(len(lips), -1), _bridged(seen),
-    )  # fmt: skip
+        (lips - mouth[:, None]).reshape(len(lips), -1),
+        _bridged(seen),
+    )
 
 
 def with_usual_lips(views: Sequence[TakeView], usual: Sequence[TakeView]) -> list[TakeView]:

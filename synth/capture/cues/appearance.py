@@ -133,9 +133,14 @@ class KeyAppearance:
             stances.posterior(seen.stances, self.stances, self.stances_sd),
         )
         return replace(
-            self, fingers=now[0][0], fingers_sd=now[0][1], places=now[1][0], places_sd=now[1][1],
-            stances=now[2][0], stances_sd=now[2][1],
-        )  # fmt: skip
+            self,
+            fingers=now[0][0],
+            fingers_sd=now[0][1],
+            places=now[1][0],
+            places_sd=now[1][1],
+            stances=now[2][0],
+            stances_sd=now[2][1],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,12 +167,15 @@ def _priors(
     axes = ((0,), (1,))
     return (
         CuerPrior(
-            fingers, np.tile(_FINGERS_SD, (len(SHAPES), 1)), (tuple(range(fingers.shape[1])),),
-            (between_fingers(),), _TRUST,
+            fingers,
+            np.tile(_FINGERS_SD, (len(SHAPES), 1)),
+            (tuple(range(fingers.shape[1])),),
+            (between_fingers(),),
+            _TRUST,
         ),
         CuerPrior(places, _PLACES_SD, axes, between_places(places), _TRUST),
         CuerPrior(stances, _STANCES_SD, axes, between_stances(*_STANCE_BETWEEN), _TRUST),
-    )  # fmt: skip
+    )
 
 
 def _of_nobody(fingers: FloatArray, places: FloatArray, stances: FloatArray) -> KeyAppearance:

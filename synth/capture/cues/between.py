@@ -151,9 +151,7 @@ def between_places(means: FloatArray) -> tuple[FloatArray, FloatArray]:
 def between_stances(turn: float, width: float) -> tuple[FloatArray, FloatArray]:
     """Return the covariances (6, 6) of the palm's direction and width at each placement."""
     every = range(6)
-    return (
-        _loaded(6, [(every, _STAND)], np.full(6, turn)), _loaded(6, [], np.full(6, width)),
-    )  # fmt: skip
+    return (_loaded(6, [(every, _STAND)], np.full(6, turn)), _loaded(6, [], np.full(6, width)))
 
 
 _STAND = 0.17

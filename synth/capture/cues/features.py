@@ -14,12 +14,7 @@ from scipy.signal import savgol_filter
 from codec.cuer import layout
 from codec.cuer.models import rigid
 from codec.cuer.voice import Voice
-from synth.capture.sources.landmark_maps import (
-    FACE_LANDMARKS,
-    WIDTH_LANDMARKS,
-    face_map,
-    hand_map,
-)
+from synth.capture.sources.landmark_maps import FACE_LANDMARKS, WIDTH_LANDMARKS, face_map, hand_map
 
 FloatArray = NDArray[np.float64]
 
@@ -123,9 +118,13 @@ class HandFeatures:
     def part(self, frames: slice) -> "HandFeatures":
         """Return some frames."""
         return HandFeatures(
-            self.rate_hz, self.fingers[frames], self.tips[frames], self.pointers[frames],
-            self.speed[frames], self.stance[frames],
-        )  # fmt: skip
+            self.rate_hz,
+            self.fingers[frames],
+            self.tips[frames],
+            self.pointers[frames],
+            self.speed[frames],
+            self.stance[frames],
+        )
 
     def steady(self) -> "HandFeatures":
         """Return the features at `READ_HZ`, interpolated linearly."""
@@ -143,9 +142,13 @@ class HandFeatures:
             return np.asarray(np.where(share > 0.0, mean, x[before]))
 
         return HandFeatures(
-            READ_HZ, moved(self.fingers), moved(self.tips), moved(self.pointers),
-            moved(self.speed), moved(self.stance),
-        )  # fmt: skip
+            READ_HZ,
+            moved(self.fingers),
+            moved(self.tips),
+            moved(self.pointers),
+            moved(self.speed),
+            moved(self.stance),
+        )
 
 
 def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
@@ -162,10 +165,13 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
     points = _in_head(face, hand)
     shown = np.asarray(np.isfinite(points).all((1, 2)))
     out = HandFeatures(
-        rate_hz, np.full((len(points), N_FEATURES), np.nan), np.full((len(points), 2, 2), np.nan),
-        np.full((len(points), 2, 2), np.nan), np.full(len(points), np.nan),
+        rate_hz,
+        np.full((len(points), N_FEATURES), np.nan),
+        np.full((len(points), 2, 2), np.nan),
+        np.full((len(points), 2, 2), np.nan),
+        np.full(len(points), np.nan),
         np.full((len(points), 2), np.nan),
-    )  # fmt: skip
+    )
     window = max(5, 2 * round(0.5 * _SMOOTHING_S * rate_hz) + 1)
     for run in _runs(shown, rate_hz):
         if run.stop - run.start < max(window, _LEAST_RUN_S * rate_hz):

@@ -69,9 +69,13 @@ def finish(
     elif given is not None:
         report["keys"] = {"given": len(given.keys)}
     motion = Motion(
-        even.astype(np.float32), options.rate_hz, float(times[0]), voice.layout, voice.identity,
+        even.astype(np.float32),
+        options.rate_hz,
+        float(times[0]),
+        voice.layout,
+        voice.identity,
         score,
-    )  # fmt: skip
+    )
     return Captured(motion, report)
 
 
@@ -102,9 +106,10 @@ class _TimedHand:
             if found.believed:
                 held = [one for one in found.held if one is not None]
                 report["keys"] = {
-                    "given": len(text.keys), "left_out": len(text.keys) - len(held),
+                    "given": len(text.keys),
+                    "left_out": len(text.keys) - len(held),
                     "agreement": round(found.agreement, 3),
-                }  # fmt: skip
+                }
                 return score_of_text(
                     found.held,
                     text.keys,
@@ -141,12 +146,13 @@ def _told(held: Sequence[HeldKey], start_s: float) -> dict[str, Any]:
             {
                 "start_s": round(start_s + key.reach_s, 3),
                 "end_s": round(start_s + key.leave_s, 3),
-                "shape": key.shape, "placement": PLACEMENTS[key.placement],
+                "shape": key.shape,
+                "placement": PLACEMENTS[key.placement],
                 "confidence": round(key.confidence, 3),
             }
             for key in keys
         ],
-    }  # fmt: skip
+    }
 
 
 FloatArray = NDArray[np.float64]

@@ -26,9 +26,13 @@ _LEFT_OUT = -4.0
 """Natural logarithm of how rarely a cuer leaves out a key."""
 
 ALTERNATIVES = {
-    "ə": ("side", "cheek"), "œ": ("side", "cheek"), "ø": ("cheek", "side"),
-    "œ̃": ("throat", "cheek"), "ɔ": ("chin", "side"), "o": ("side", "chin"),
-}  # fmt: skip
+    "ə": ("side", "cheek"),
+    "œ": ("side", "cheek"),
+    "ø": ("cheek", "side"),
+    "œ̃": ("throat", "cheek"),
+    "ɔ": ("chin", "side"),
+    "o": ("side", "chin"),
+}
 """Placements of vowels that cuers, and labels, place differently; the charts' own first."""
 
 _BAND = 300

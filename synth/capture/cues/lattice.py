@@ -59,11 +59,16 @@ _FINGERS_FREEDOM = 4.0
 """The same of its fingers, all together: a hand that is read amiss is so in many features."""
 
 _FINGERS_TOGETHER = np.array(
-    [[1.00, 0.35, 0.30, 0.28, -0.12, 0.19, 0.23], [0.35, 1.00, 0.41, 0.37, -0.13, 0.25, 0.09],
-     [0.30, 0.41, 1.00, 0.47, -0.09, 0.24, 0.12], [0.28, 0.37, 0.47, 1.00, -0.08, 0.23, 0.11],
-     [-0.12, -0.13, -0.09, -0.08, 1.00, -0.10, -0.06],
-     [0.19, 0.25, 0.24, 0.23, -0.10, 1.00, 0.10], [0.23, 0.09, 0.12, 0.11, -0.06, 0.10, 1.00]]
-)  # fmt: skip
+    [
+        [1.00, 0.35, 0.30, 0.28, -0.12, 0.19, 0.23],
+        [0.35, 1.00, 0.41, 0.37, -0.13, 0.25, 0.09],
+        [0.30, 0.41, 1.00, 0.47, -0.09, 0.24, 0.12],
+        [0.28, 0.37, 0.47, 1.00, -0.08, 0.23, 0.11],
+        [-0.12, -0.13, -0.09, -0.08, 1.00, -0.10, -0.06],
+        [0.19, 0.25, 0.24, 0.23, -0.10, 1.00, 0.10],
+        [0.23, 0.09, 0.12, 0.11, -0.06, 0.10, 1.00],
+    ]
+)
 """Correlation of what fingers are off their shape: a palm that turns away shortens all of them.
 Half of that of one real cuer; with the correlation of either half of 64 takes of hers the other
 half's keys were recognised better, with the whole of it less so."""
@@ -153,9 +158,13 @@ def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
     at = np.flatnonzero(shown)
     if len(at):
         visible = HandFeatures(
-            seen.rate_hz, seen.fingers[at], seen.tips[at], seen.pointers[at], seen.speed[at],
+            seen.rate_hz,
+            seen.fingers[at],
+            seen.tips[at],
+            seen.pointers[at],
+            seen.speed[at],
             seen.stance[at],
-        )  # fmt: skip
+        )
         hold[at] = FRAME_SHARE * _holds(visible, looks)
         speed = 0.5 * (visible.speed / _MOVING_MM_S) ** 2
         shapes[at] = FRAME_SHARE * (

@@ -69,9 +69,12 @@ def prices(looks: KeyAppearance) -> FloatArray:
     elsewhere = (COMES_FROM > 0) & (placed[:, None] != COMES_FROM)
     itself = (KEY_OF[:, None] == KEY_OF) & ~np.eye(len(KEY_OF), dtype=np.bool_)
     return np.asarray(
-        enter + _SAME_SHAPE * same + _SAME_AT_SIDE * from_side + _ELSEWHERE * elsewhere
+        enter
+        + _SAME_SHAPE * same
+        + _SAME_AT_SIDE * from_side
+        + _ELSEWHERE * elsewhere
         + _NEVER * itself
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, slots=True)

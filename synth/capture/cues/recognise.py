@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.cues.score import PLACEMENT_NUMBER
-from synth.capture.cues.appearance import (
-    ANYBODYS,
-    KEYS,
-    NOTHING_SHOWN,
-    KeyAppearance,
-    KeyExamples,
-)
+from synth.capture.cues.appearance import ANYBODYS, KEYS, NOTHING_SHOWN, KeyAppearance, KeyExamples
 from synth.capture.cues.features import READ_HZ, HandFeatures
 from synth.capture.cues.line import KeyRun, joined, pieces
 

@@ -49,9 +49,14 @@ LEAST_SURE = 0.6
 
 
 def score_of(
-    held: Sequence[HeldKey], voice: Voice, params: FloatArray, *, rate_hz: float, start_s: float,
+    held: Sequence[HeldKey],
+    voice: Voice,
+    params: FloatArray,
+    *,
+    rate_hz: float,
+    start_s: float,
     given: Sequence[tuple[str, ...]] | None = None,
-) -> Score:  # fmt: skip
+) -> Score:
     """Return phones and keys for the keys that the hand held.
 
     Parameters
@@ -81,16 +86,25 @@ def score_of(
 
 
 _AS_SHOWN = {
-    ("ə", "cheek"): "ø", ("œ", "cheek"): "ø", ("ø", "side"): "œ", ("œ̃", "cheek"): "ɛ̃",
-    ("ɔ", "side"): "o", ("o", "chin"): "ɔ",
-}  # fmt: skip
+    ("ə", "cheek"): "ø",
+    ("œ", "cheek"): "ø",
+    ("ø", "side"): "œ",
+    ("œ̃", "cheek"): "ɛ̃",
+    ("ɔ", "side"): "o",
+    ("o", "chin"): "ɔ",
+}
 """A vowel that was cued elsewhere than the chart says is that of the place where it was."""
 
 
 def score_of_text(
-    held: Sequence[HeldKey | None], keys: Sequence[Key], voice: Voice, params: FloatArray, *,
-    rate_hz: float, start_s: float,
-) -> Score:  # fmt: skip
+    held: Sequence[HeldKey | None],
+    keys: Sequence[Key],
+    voice: Voice,
+    params: FloatArray,
+    *,
+    rate_hz: float,
+    start_s: float,
+) -> Score:
     """Return phones and keys of a text at the times when the hand held them.
 
     Parameters

@@ -48,9 +48,10 @@ def read_transcript(text: str) -> Score:
     words = text.split()
     ascii_line = any(word in _MARKS or (word in _ASCII and word != "o") for word in words)
     symbols = [_ASCII.get(word, word) for word in words] if ascii_line else words
-    known = all(symbol in PHONE_NUMBER or word in _PAUSES for word, symbol in zip(
-        words, symbols, strict=True
-    ))  # fmt: skip
+    known = all(
+        symbol in PHONE_NUMBER or word in _PAUSES
+        for word, symbol in zip(words, symbols, strict=True)
+    )
     score = _of_phones(words, symbols) if known and len(words) > 2 else score_of_text(text)
     if not score.keys:
         raise CueError("the text has nothing that is spoken")

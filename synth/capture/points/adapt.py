@@ -102,9 +102,11 @@ def _adapt_face(
         parameters = np.tile(expected, (len(x), 1))
         parameters[:, N_FACE_PARAMETERS:] = starting_motion(
             (moved.mean - moved.pivot)[RIGID_FACE_COLUMNS].astype(np.float64),
-            x[:, RIGID_FACE_COLUMNS] - moved.pivot, seen[:, RIGID_FACE_COLUMNS],
-            moved.motion_mean, moved.motion_directions,
-        )  # fmt: skip
+            x[:, RIGID_FACE_COLUMNS] - moved.pivot,
+            seen[:, RIGID_FACE_COLUMNS],
+            moved.motion_mean,
+            moved.motion_directions,
+        )
         offset += _middle(moved.residual(parameters, x), seen, viewed)
         if step == 0 and not still:
             firm = RIGID_FACE_COLUMNS[viewed[RIGID_FACE_COLUMNS]]

@@ -13,12 +13,7 @@ from synth.capture.options import Captured, CaptureOptions
 from synth.capture.points.adapt import adapt
 from synth.capture.points.hand_place import find_hand_place
 from synth.capture.points.labels import Naming, find_names
-from synth.capture.points.place import (
-    LEAST_HEAD_MARKERS,
-    Registration,
-    find_place,
-    shows_head,
-)
+from synth.capture.points.place import LEAST_HEAD_MARKERS, Registration, find_place, shows_head
 from synth.capture.points.solve import HAND, LEAST_HAND_MARKERS, Quality, resting, solve
 from synth.capture.points.speaker import Speaker
 from synth.capture.sources.readers import read_markers, read_points
@@ -84,14 +79,22 @@ def capture_markers(path: Path, kind: str, voice: Voice, options: CaptureOptions
     if has_hand:
         columns = voice.hand_columns
         params[:, columns] = resting_when_away(
-            params[:, columns], np.concatenate(seen), resting(speaker)[columns],
-            away_s=_AWAY_S, rate_hz=recording.rate_hz,
-        )  # fmt: skip
+            params[:, columns],
+            np.concatenate(seen),
+            resting(speaker)[columns],
+            away_s=_AWAY_S,
+            rate_hz=recording.rate_hz,
+        )
     report = _report(recording, naming, place, speaker, quality)
     return finish(
-        voice, params, recording.rate_hz, recording.start_s, options, report,
+        voice,
+        params,
+        recording.rate_hz,
+        recording.start_s,
+        options,
+        report,
         has_hand=has_hand and has_head,
-    )  # fmt: skip
+    )
 
 
 def _named(recording: PointRecording, options: CaptureOptions) -> Naming:

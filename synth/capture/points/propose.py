@@ -170,8 +170,11 @@ def propose_map(
         )
     take = _Take(
         sample[_fullest(shown[:, wanted], _FRAMES)].astype(np.float64),
-        points, naming.columns, recording.unit, voice,
-    )  # fmt: skip
+        points,
+        naming.columns,
+        recording.unit,
+        voice,
+    )
     columns, place = _lay_face(take)
     world = place.points(take.x)
     columns, share = _follow(take, world, columns, voice.face)

@@ -113,9 +113,12 @@ def hand_map() -> LandmarkMap:
         x = markers[:, own].transpose(0, 2, 1).reshape(-1, len(own))
         y = joints[:, number].reshape(-1)
         system = np.vstack(
-            [x / np.sqrt(len(x)), np.sqrt(_RIDGE_MM2) * np.eye(len(own)),
-             _SUM_WEIGHT * np.ones((1, len(own)))]
-        )  # fmt: skip
+            [
+                x / np.sqrt(len(x)),
+                np.sqrt(_RIDGE_MM2) * np.eye(len(own)),
+                _SUM_WEIGHT * np.ones((1, len(own))),
+            ]
+        )
         target = np.concatenate([y / np.sqrt(len(x)), np.zeros(len(own)), [_SUM_WEIGHT]])
         weights[number, own] = np.linalg.lstsq(system, target)[0]
     return LandmarkMap(weights, np.zeros(N_HAND_LANDMARKS, dtype=bool))

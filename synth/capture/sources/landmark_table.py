@@ -135,10 +135,11 @@ def landmark_frames(
         clock, read = _opened(path, lines, rate_hz)
         for time_s, frame in _frames(clock, read):
             yield LandmarkTable(
-                np.array([time_s]), _stacked([frame], "face", len(FACE_LANDMARKS)),
+                np.array([time_s]),
+                _stacked([frame], "face", len(FACE_LANDMARKS)),
                 {n: _stacked([frame], n, N_HAND_LANDMARKS) for n in HANDS if n in frame},
                 clock.timed,
-            )  # fmt: skip
+            )
     except (csv.Error, IndexError, ValueError) as error:
         raise CueError(f"{path}: malformed table: {error}") from error
 

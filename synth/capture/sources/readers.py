@@ -212,5 +212,5 @@ def _read_csv(path: str) -> PointRecording:
         raise CueError(f"{path}: the first column is not a time that rises")
     rate_hz = (len(times) - 1) / (times[-1] - times[0])
     return PointRecording(
-        Path(path).name, "CSV", tuple(labels), "", rate_hz, times[0], len(times), (), points,
-    )  # fmt: skip
+        Path(path).name, "CSV", tuple(labels), "", rate_hz, times[0], len(times), (), points
+    )

@@ -73,9 +73,11 @@ def find_aspect(table: LandmarkTable, voice: Voice, *, told: float | None = None
         return Aspect(told)
     return Aspect(
         told,
-        (f"the picture is said to be {told:.3g} times as wide as high; the hand looks as if it "
-         f"were {best:.3g}",),
-    )  # fmt: skip
+        (
+            f"the picture is said to be {told:.3g} times as wide as high; the hand looks as if it "
+            f"were {best:.3g}",
+        ),
+    )
 
 
 def _also(told: float | None) -> tuple[float, ...]:

@@ -46,9 +46,10 @@ _LEAST_HAND = 12
 """Landmarks that a frame must show of the hand."""
 
 _LIPS = [
-    slot for slot, number in enumerate(FACE_LANDMARKS)
+    slot
+    for slot, number in enumerate(FACE_LANDMARKS)
     if any(name[:2] in ("UL", "LL", "LC") for name in SOFT_LANDMARKS.get(number, ()))
-]  # fmt: skip
+]
 _SIZES = np.linspace(0.7, 1.6, 7)
 
 _OWN_FRAMES, _OWN_ROUNDS = 90, 2
@@ -266,12 +267,16 @@ def _report(
         )
     return {
         "input": {
-            "file": path.name, "kind": "landmarks", "frames": len(table.times),
-            "rate_hz": round(rate_hz, 4), "duration_s": round(duration_s, 3),
+            "file": path.name,
+            "kind": "landmarks",
+            "frames": len(table.times),
+            "rate_hz": round(rate_hz, 4),
+            "duration_s": round(duration_s, 3),
             "labels": int(np.isfinite(table.face[..., 0]).any(0).sum()),
         },
         "place": {
-            "aspect": round(picture.aspect, 4), "mm_per_width": round(picture.mm_per_width, 2),
+            "aspect": round(picture.aspect, 4),
+            "mm_per_width": round(picture.mm_per_width, 2),
             "left_hand": None if fit is None else picture.mirrored,
         },
         "seen": {
@@ -285,4 +290,4 @@ def _report(
             "hand": None if fit is None else round(fit.error_mm, 3),
         },
         "notes": notes,
-    }  # fmt: skip
+    }

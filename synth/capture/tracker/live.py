@@ -230,9 +230,11 @@ class LiveLandmarks:
         self._unseen = 0
         found = _linked([one.hand_equations for one in frames], self._rate_hz)
         speaker = Speaker(
-            self._voice, self._voice.face, resized(self._voice.hand, self._size),
+            self._voice,
+            self._voice.face,
+            resized(self._voice.hand, self._size),
             hand_size=self._size,
-        )  # fmt: skip
+        )
         near = slice(number, number + 1)
         return np.asarray(speaker.to_voice(found[near], face[near])[0])
 
@@ -242,10 +244,11 @@ class LiveLandmarks:
         names = {name for shot in shots for name in shot.hands}
         missing = np.full((N_HAND_LANDMARKS, 3), np.nan)
         table = LandmarkTable(
-            np.array([shot.time_s for shot in shots]), np.stack([shot.face for shot in shots]),
+            np.array([shot.time_s for shot in shots]),
+            np.stack([shot.face for shot in shots]),
             {n: np.stack([shot.hands.get(n, missing) for shot in shots]) for n in sorted(names)},
             True,
-        )  # fmt: skip
+        )
         try:
             picture = find_picture(table, self._voice, aspect=self._aspect)
         except CueError:

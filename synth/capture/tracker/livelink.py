@@ -97,13 +97,16 @@ def capture_live_link(path: Path, voice: Voice, options: CaptureOptions) -> Capt
         options.progress(len(markers) / table.rate_hz)
     report = {
         "input": {
-            "file": path.name, "kind": "Live Link Face", "frames": len(params),
+            "file": path.name,
+            "kind": "Live Link Face",
+            "frames": len(params),
             "rate_hz": round(table.rate_hz, 4),
-            "duration_s": round(len(params) / table.rate_hz, 3), "labels": len(table.units),
+            "duration_s": round(len(params) / table.rate_hz, 3),
+            "labels": len(table.units),
         },
         "residual_mm": {"face": round(float(errors.sum()) / (len(FACE_MARKERS) * len(params)), 3)},
         "notes": [*table.notes, _HANDLESS],
-    }  # fmt: skip
+    }
     return finish(voice, params, table.rate_hz, 0.0, options, report, has_hand=False)
 
 
@@ -166,9 +169,12 @@ def read_live_link(path: Path) -> FaceTable:
     both, rate_hz = evenly(times, np.concatenate([weights, turns], axis=1), name=str(path))
     units = tuple(known[titles[n]] for n in columns)
     return FaceTable(
-        units, both[:, : len(units)], np.clip(both[:, len(units) :], -np.pi, np.pi), rate_hz,
+        units,
+        both[:, : len(units)],
+        np.clip(both[:, len(units) :], -np.pi, np.pi),
+        rate_hz,
         tuple(notes),
-    )  # fmt: skip
+    )
 
 
 def _unit_names() -> tuple[str, ...]:

@@ -41,9 +41,14 @@ _LEAST_FRAMES = 30
 """Frames that must show a landmark for its weights to be learnt."""
 
 _MOVING = (
-    *layout.UPPER_LIP, *layout.LOWER_LIP, *layout.LIP_CORNERS, *layout.CHIN, *layout.JAW,
-    *layout.CHEEKS, *layout.NASOLABIAL,
-)  # fmt: skip
+    *layout.UPPER_LIP,
+    *layout.LOWER_LIP,
+    *layout.LIP_CORNERS,
+    *layout.CHIN,
+    *layout.JAW,
+    *layout.CHEEKS,
+    *layout.NASOLABIAL,
+)
 _SOFT = np.array([layout.FACE_MARKERS.index(name) for name in _MOVING])
 
 

@@ -85,8 +85,10 @@ def track(path: Path, interpreter: str, table: Path) -> float:
         try:
             child = subprocess.Popen(
                 [interpreter, "-I", str(_CHILD)],
-                stdin=subprocess.PIPE, stdout=rows, stderr=subprocess.PIPE,
-            )  # fmt: skip
+                stdin=subprocess.PIPE,
+                stdout=rows,
+                stderr=subprocess.PIPE,
+            )
         except OSError as error:
             raise CueError(f"tracker {interpreter}: {error.strerror}") from error
         words: list[bytes] = []

@@ -11,9 +11,11 @@ from codec.errors import CueError
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"),
-)  # fmt: skip
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
 _OLD = ("cp1252", "iso-8859-15", "cp850", "mac-roman")
 _CONTROL = re.compile(r"[^\t\n\r\f\v -\U0010ffff]")
 _MOST_DAMAGE = 0.02

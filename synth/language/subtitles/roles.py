@@ -17,8 +17,11 @@ from synth.language.subtitles.spoken import spoken
 PROFILES = ("fr-sdh", "plain")
 """Subtitles for the deaf as French broadcasters write them; colours without a meaning."""
 
-_ROLES = {"red": "a sound (red)", "magenta": "music (magenta)",
-          "green": "a foreign language (green)"}  # fmt: skip
+_ROLES = {
+    "red": "a sound (red)",
+    "magenta": "music (magenta)",
+    "green": "a foreign language (green)",
+}
 _SUNG = re.compile(r"[♪♫♬♩#«»\"“]")
 
 _MOST_COLOURED, _MANY = 0.5, 20

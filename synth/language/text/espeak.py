@@ -136,9 +136,8 @@ def _single(phones: tuple[str, ...]) -> tuple[str, ...]:
     ('a', 'k', 'u', 'a', 'a')
     """
     return tuple(
-        phone for before, phone in pairwise(["", *phones])
-        if phone != before or phone in _VOWELS
-    )  # fmt: skip
+        phone for before, phone in pairwise(["", *phones]) if phone != before or phone in _VOWELS
+    )
 
 
 def _ipa(word: str) -> str:

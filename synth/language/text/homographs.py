@@ -139,6 +139,11 @@ _DRINKS = "boi boire bu buv verre bol rhum cocktail planteur coco goût sers ser
 _ENERGY = frozenset("du de son ton mon ce quel plein manque sans peu leur".split())
 
 _RULES: dict[str, Callable[[Sequence[DraftWord], int], str]] = {
-    "plus": _plus, "tous": _tous, "fils": _fils, "os": _os, "est": _est,
-    "convient": _convient, "punch": _punch,
-}  # fmt: skip
+    "plus": _plus,
+    "tous": _tous,
+    "fils": _fils,
+    "os": _os,
+    "est": _est,
+    "convient": _convient,
+    "punch": _punch,
+}

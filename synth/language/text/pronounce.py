@@ -41,8 +41,10 @@ _CONSONANT_SET = frozenset(CONSONANTS) - {"w", "ɥ", "j"}
 
 
 _CRY_PHONES = dict(zip("bdfgklmnprstvzʃ", "bdfgklmnpʁstvzʃ", strict=True)) | {
-    "h": "", "c": "k", "j": "ʒ",
-}  # fmt: skip
+    "h": "",
+    "c": "k",
+    "j": "ʒ",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,9 +172,13 @@ def load_body(name: str = "claire") -> Body:
     lengths = raw["arm_lengths"] * anatomy.scale
     factors = bone_factors(anatomy, lengths)
     rest, origins = stretch(
-        raw["hand_rest"] * anatomy.scale, raw["hand_weights"], frames,
-        raw["arm_origins"] * anatomy.scale, arm_parents(), factors,
-    )  # fmt: skip
+        raw["hand_rest"] * anatomy.scale,
+        raw["hand_weights"],
+        frames,
+        raw["arm_origins"] * anatomy.scale,
+        arm_parents(),
+        factors,
+    )
     units, unit_names = raw["units"] * scale, tuple(map(str, raw["unit_names"]))
     return Body(
         name, anatomy, habits, ArmRig(frames, origins, raw["finger_zero"]), face_skin,

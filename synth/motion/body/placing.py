@@ -162,9 +162,14 @@ def hand_places(mesh: Mesh, skin: SkinPoints, frames: FloatArray) -> SkinPoints:
 
 
 def _around_bone(
-    mesh: Mesh, skin: SkinPoints, points: FloatArray, frames: FloatArray,
-    bone: str, part: float, angle_deg: float,
-) -> int:  # fmt: skip
+    mesh: Mesh,
+    skin: SkinPoints,
+    points: FloatArray,
+    frames: FloatArray,
+    bone: str,
+    part: float,
+    angle_deg: float,
+) -> int:
     """Return the point at `part` of a bone's length, turned from dorsal towards ulnar."""
     held: tuple[str, ...]
     if bone == "forearm":

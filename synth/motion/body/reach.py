@@ -21,9 +21,12 @@ from synth.motion.body.skeleton import ANGLE_NUMBER
 FloatArray = NDArray[np.float64]
 
 REAL_MM = {
-    "side": (-72.0, -12.0), "mouth": (-37.0, -9.0), "chin": (-15.0, -41.0),
-    "cheek": (-61.0, 32.0), "throat": (-24.0, -107.0),
-}  # fmt: skip
+    "side": (-72.0, -12.0),
+    "mouth": (-37.0, -9.0),
+    "chin": (-15.0, -41.0),
+    "cheek": (-61.0, 32.0),
+    "throat": (-24.0, -107.0),
+}
 """Where real cuers' pointing tips are against the middle of the mouth, mm, x to the cuer's left and
 y up, ears `REAL_EARS_MM` apart: means of four groups of takes by two French cuers (side and throat)
 and of 64 takes of one (`cuecast evaluate places`). Sides are widely spread."""
@@ -32,16 +35,24 @@ REAL_EARS_MM = 153.0
 """Distance in mm between the ears to which real takes are scaled."""
 
 PLACES_MM = {
-    "side": (-82.0, -16.0), "mouth": (-34.0, -9.0), "chin": (-13.0, -42.0),
-    "cheek": (-60.0, 33.0), "throat": (-21.0, -103.0), "rest": (-97.0, -232.0),
-}  # fmt: skip
+    "side": (-82.0, -16.0),
+    "mouth": (-34.0, -9.0),
+    "chin": (-13.0, -42.0),
+    "cheek": (-60.0, 33.0),
+    "throat": (-21.0, -103.0),
+    "rest": (-97.0, -232.0),
+}
 """Places of the pointing finger's tip marker, as `REAL_MM`: at the real means, but for the side,
 which keeps some mm more from the mouth, for ways between throat and cheek pass between them."""
 
 _DEPTH_MM = {
-    "side": ("LC_R", 6.0), "mouth": ("LC_R", 9.0), "chin": ("CH0", 10.0), "cheek": ("CK2_R", 11.0),
-    "throat": ("TH5_C", 22.0), "rest": ("CH0", 55.0),
-}  # fmt: skip
+    "side": ("LC_R", 6.0),
+    "mouth": ("LC_R", 9.0),
+    "chin": ("CH0", 10.0),
+    "cheek": ("CK2_R", 11.0),
+    "throat": ("TH5_C", 22.0),
+    "rest": ("CH0", 55.0),
+}
 """Marker of the skin there, and by how many mm the tip is before it."""
 
 _SLOPE_EXTRA_DEG = {"cheek": 6.0, "throat": -6.0, "chin": -4.0, "rest": -12.0, "side": 12.0}

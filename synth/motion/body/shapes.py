@@ -33,11 +33,7 @@ _TOGETHER = {"index": -3.0, "middle": 0.0, "ring": 3.0, "little": 7.0}
 _FANNED = {"index": 10.0, "middle": 1.0, "ring": -7.0, "little": -16.0}
 _VICTORY = {"index": 15.0, "middle": -9.0}
 
-_THUMB = {
-    "in": (4, 10, -6, 55, 70),
-    "over": (-18, 33, 34, 18, 72),
-    "out": (22, -14, -6, -4, -6),
-}
+_THUMB = {"in": (4, 10, -6, 55, 70), "over": (-18, 33, 34, 18, 72), "out": (22, -14, -6, -4, -6)}
 """Abduction, flexion, opposition at the base, then the flexion of the two outer joints."""
 
 _THUMB_OF = {

@@ -19,8 +19,12 @@ FloatArray = NDArray[np.float64]
 FINGER_BONES = tuple(tuple(f"finger{f}-{p}" for p in (1, 2, 3)) for f in range(1, 6))
 METACARPALS = tuple(f"metacarpal{m}" for m in range(1, 5))
 ARM_BONES = (
-    "lowerarm01", "lowerarm02", "wrist", *METACARPALS, *(b for f in FINGER_BONES for b in f),
-)  # fmt: skip
+    "lowerarm01",
+    "lowerarm02",
+    "wrist",
+    *METACARPALS,
+    *(b for f in FINGER_BONES for b in f),
+)
 NECK_BONES = ("spine01", "neck01", "neck02", "neck03", "head")
 NECK_SHARE = (0.0, 0.22, 0.22, 0.22, 0.34)
 """Part of the head's turn that happens at the lower end of each bone."""
@@ -131,9 +135,11 @@ class ArmRig:
             meta, first = 3 + i, 10 + 3 * i
             base = turns[:, meta] @ relative[i].T @ self.zero[i + 1]
             turns[:, first] = (
-                base @ rotation(2, a[f"{name}_spread"]) @ rotation(0, -a[f"{name}_mcp"])
+                base
+                @ rotation(2, a[f"{name}_spread"])
+                @ rotation(0, -a[f"{name}_mcp"])
                 @ rotation(1, a[f"{name}_twist"])
-            )  # fmt: skip
+            )
             turns[:, first + 1] = turns[:, first] @ rotation(0, -a[f"{name}_pip"])
             turns[:, first + 2] = turns[:, first + 1] @ rotation(0, -a[f"{name}_dip"])
             places[:, first] = places[:, meta] + turns[:, meta] @ local[first]
@@ -144,9 +150,12 @@ class ArmRig:
         self, a: dict[str, FloatArray], turns: FloatArray, places: FloatArray, local: FloatArray
     ) -> None:
         turns[:, 7] = (
-            turns[:, 2] @ self.zero[0] @ rotation(2, a["thumb_abduction"])
-            @ rotation(0, -a["thumb_flex"]) @ rotation(1, a["thumb_opposition"])
-        )  # fmt: skip
+            turns[:, 2]
+            @ self.zero[0]
+            @ rotation(2, a["thumb_abduction"])
+            @ rotation(0, -a["thumb_flex"])
+            @ rotation(1, a["thumb_opposition"])
+        )
         turns[:, 8] = (
             turns[:, 7] @ rotation(2, a["thumb_mcp_spread"]) @ rotation(0, -a["thumb_mcp"])
         )
@@ -179,8 +188,10 @@ def arm_parents() -> list[int]:
     """
     number = {name: i for i, name in enumerate(ARM_BONES)}
     parents = {
-        "lowerarm02": "lowerarm01", "wrist": "lowerarm02", **dict.fromkeys(METACARPALS, "wrist"),
-    }  # fmt: skip
+        "lowerarm02": "lowerarm01",
+        "wrist": "lowerarm02",
+        **dict.fromkeys(METACARPALS, "wrist"),
+    }
     for finger, (first, second, third) in enumerate(FINGER_BONES):
         parents[first] = METACARPALS[finger - 1] if finger else "wrist"
         parents |= {second: first, third: second}

@@ -31,10 +31,15 @@ _FACE_MM = 1.2
 """Displacement in mm of a point of the face where two units act together."""
 
 _PAIRS = (
-    ("jawOpen", "mouthPucker"), ("jawOpen", "mouthFunnel"), ("jawOpen", "mouthStretchLeft"),
-    ("jawOpen", "mouthSmileRight"), ("mouthPucker", "mouthFunnel"), ("mouthPucker", "mouthPucker"),
-    ("jawOpen", "jawOpen"), ("mouthLowerDownLeft", "mouthPucker"),
-)  # fmt: skip
+    ("jawOpen", "mouthPucker"),
+    ("jawOpen", "mouthFunnel"),
+    ("jawOpen", "mouthStretchLeft"),
+    ("jawOpen", "mouthSmileRight"),
+    ("mouthPucker", "mouthFunnel"),
+    ("mouthPucker", "mouthPucker"),
+    ("jawOpen", "jawOpen"),
+    ("mouthLowerDownLeft", "mouthPucker"),
+)
 _TYPICAL = {"jawOpen": 0.3, "larynxRaise": 3.0}
 
 _TYPICAL_UNIT = 0.4
@@ -88,8 +93,10 @@ def _angles_near(bone: str) -> tuple[str, ...]:
     """Return the flexions of the joints at both ends of a bone."""
     if bone.startswith("finger1"):
         return {
-            "1": ("thumb_flex", "thumb_mcp"), "2": ("thumb_mcp", "thumb_ip"), "3": ("thumb_ip",),
-        }[bone[-1]]  # fmt: skip
+            "1": ("thumb_flex", "thumb_mcp"),
+            "2": ("thumb_mcp", "thumb_ip"),
+            "3": ("thumb_ip",),
+        }[bone[-1]]
     if bone.startswith("finger"):
         finger = ("index", "middle", "ring", "little")[int(bone[6]) - 2]
         ends = {"1": ("mcp", "pip"), "2": ("pip", "dip"), "3": ("dip",)}[bone[-1]]

@@ -48,9 +48,12 @@ class DriftNoise:
         low = int(first.min()) - 1
         grid = np.stack([self._values(k) for k in range(low, int(first.max()) + 3)])
         u = place - first
-        basis = np.stack(
-            [(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]
-        ) / 6.0  # fmt: skip
+        basis = (
+            np.stack(
+                [(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]
+            )
+            / 6.0
+        )
         out = np.zeros((len(times), len(self.size)))
         for number in range(4):
             out += basis[number][:, None] * grid[first - low - 1 + number]

@@ -81,9 +81,13 @@ _TURN_SCATTER = 0.03
 """Spread in radians of the arm's turn from key to key."""
 
 _SCATTER = {
-    "rest": (25.0, 25.0, 25.0), "side": (24.0, 22.0, 14.0), "mouth": (3.5, 3.5, 3.5),
-    "chin": (5.0, 5.0, 5.0), "cheek": (6.0, 6.0, 6.0), "throat": (10.0, 18.0, 10.0),
-}  # fmt: skip
+    "rest": (25.0, 25.0, 25.0),
+    "side": (24.0, 22.0, 14.0),
+    "mouth": (3.5, 3.5, 3.5),
+    "chin": (5.0, 5.0, 5.0),
+    "cheek": (6.0, 6.0, 6.0),
+    "throat": (10.0, 18.0, 10.0),
+}
 """Of the pointing tip from key to key, mm across, up and forward. With the small motion of
 arm and fingers it scatters by 6 to 8 mm at mouth and chin, as real tips do: the arm makes up for
 wrong angles of wrist and fingers. Sides and throats of real ones spread by 20 mm and more; 161
@@ -207,9 +211,14 @@ def make_plan(
     begin, span = _times(arms, arrive, drawn)
     leave = np.append(begin[1:], np.inf)
     return MovementPlan(
-        tuple(keys), shape, placement, arrive, leave,
-        _arm(arms, begin, span, drawn), _fingers(angles, begin, span, drawn, seed),
-    )  # fmt: skip
+        tuple(keys),
+        shape,
+        placement,
+        arrive,
+        leave,
+        _arm(arms, begin, span, drawn),
+        _fingers(angles, begin, span, drawn, seed),
+    )
 
 
 def _tips(body: Body, angles: FloatArray, arms: FloatArray, shape: NDArray[np.int64]) -> FloatArray:

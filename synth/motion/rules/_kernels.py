@@ -72,8 +72,9 @@ def strokes_into(
 
 
 @njit(cache=True)
-def _jerk(time: float, leave: float, reach: float, begin: float, end: float, stroke: float,
-          power: float) -> float:  # fmt: skip
+def _jerk(
+    time: float, leave: float, reach: float, begin: float, end: float, stroke: float, power: float
+) -> float:
     """Return how far a channel has come on a stroke, 0..1."""
     apart = min(1.0, (reach - leave) / stroke)
     first = leave + apart * begin

@@ -26,13 +26,7 @@ from codec.superframe.lips import LipContract
 from synth.motion.body.anatomy import IDENTITIES
 from synth.motion.rules.coarticulation import PhoneLine, dominance
 from synth.motion.rules.gesture import GestureSynthesiser
-from synth.motion.rules.movement import (
-    Gestures,
-    check_alignment,
-    law,
-    moved,
-    plan_gestures,
-)
+from synth.motion.rules.movement import Gestures, check_alignment, law, moved, plan_gestures
 from synth.motion.rules.outline import Outline, slack_of
 
 FloatArray = NDArray[np.float64]
@@ -64,9 +58,13 @@ def has_body(name: str) -> bool:
 
 
 def ruled_cuer(
-    voice: Voice, *, rate_hz: float = 50.0, seed: int = 0, alignment: str = "attina",
+    voice: Voice,
+    *,
+    rate_hz: float = 50.0,
+    seed: int = 0,
+    alignment: str = "attina",
     options: CueingOptions = DEFAULT_OPTIONS,
-) -> RuledCuer:  # fmt: skip
+) -> RuledCuer:
     """Return who performs with a voice: the virtual cuer of its name, or its own targets.
 
     Parameters
@@ -104,9 +102,13 @@ class Bodiless:
     """
 
     def __init__(
-        self, voice: Voice, *, rate_hz: float = 50.0, alignment: str = "attina",
+        self,
+        voice: Voice,
+        *,
+        rate_hz: float = 50.0,
+        alignment: str = "attina",
         options: CueingOptions = DEFAULT_OPTIONS,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if not 1 <= rate_hz <= 1000:
             raise CueError(f"rate {rate_hz} Hz is not within 1..1000")
         check_alignment(alignment)

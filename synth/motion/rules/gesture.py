@@ -43,9 +43,13 @@ FOLLOWS_HEAD = {"rest": 0.1, "side": 0.8, "mouth": 1.0, "chin": 1.0, "cheek": 1.
 """How much of the head's motion the hand takes over where it is."""
 
 _MEETS_HAND_DEG = {
-    "rest": (0.0, 0.0), "side": (0.1, -0.3), "mouth": (0.4, -0.8), "chin": (0.9, -0.5),
-    "cheek": (0.3, -1.2), "throat": (-0.9, -0.4),
-}  # fmt: skip
+    "rest": (0.0, 0.0),
+    "side": (0.1, -0.3),
+    "mouth": (0.4, -0.8),
+    "chin": (0.9, -0.5),
+    "cheek": (0.3, -1.2),
+    "throat": (-0.9, -0.4),
+}
 """Pitch and yaw of the head towards the hand, degrees: its part of the constriction."""
 
 _HEAD_DRIFT = np.array([*np.radians([1.2, 0.8, 0.5]), 1.2, 1.0, 1.4])
@@ -270,9 +274,14 @@ class GestureSynthesiser:
         def course(values: FloatArray, begin_s: Lateness, end_s: Lateness) -> FloatArray:
             begins, ends = (np.broadcast_to(x, values.shape[1:]) for x in (begin_s, end_s))
             return moved(
-                times, plan.gestures, values, self._profile,
-                begins_s=begins, ends_s=ends, movement=rule,
-            )  # fmt: skip
+                times,
+                plan.gestures,
+                values,
+                self._profile,
+                begins_s=begins,
+                ends_s=ends,
+                movement=rule,
+            )
 
         # head    = drift + its turn towards the hand
         # forearm = course of the targets + drift + arc beside the straight way
@@ -366,9 +375,12 @@ class GestureSynthesiser:
         targets = [plan.angles, plan.forearm, plan.target, plan.follows, plan.meets]
         gestures = plan.gestures
         return Outline(
-            gestures.leave, gestures.reach, np.column_stack(targets), slack_of(self._movement),
+            gestures.leave,
+            gestures.reach,
+            np.column_stack(targets),
+            slack_of(self._movement),
             plan.phones,
-        )  # fmt: skip
+        )
 
     def _plan(self, score: Score) -> _Plan:
         if self._planned is None or self._planned.score is not score:
@@ -378,9 +390,12 @@ class GestureSynthesiser:
     def _make_plan(self, score: Score) -> _Plan:
         places = self._forearm[..., 3:]
         gestures = plan_gestures(
-            score, alignment=self._alignment, options=self._options, movement=self._movement,
+            score,
+            alignment=self._alignment,
+            options=self._options,
+            movement=self._movement,
             way=lambda before, after: float(np.linalg.norm(places[after] - places[before])),
-        )  # fmt: skip
+        )
         shape, placement = gestures.shape, gestures.placement
         names = [PLACEMENTS[number] for number in placement]
         angles, forearm = self._key_targets(shape, placement)

@@ -78,7 +78,11 @@ def slack_of(movement: Movement) -> float:
     """Return the greatest time between a part of the body and its gesture, seconds."""
     m = movement
     parts = (
-        m.fingers_begin_s, m.fingers_end_s, m.head_begin_s, m.head_end_s, m.turn_begin_s,
+        m.fingers_begin_s,
+        m.fingers_end_s,
+        m.head_begin_s,
+        m.head_end_s,
+        m.turn_begin_s,
         m.turn_end_s,
-    )  # fmt: skip
+    )
     return max(map(abs, parts)) + _OUT_OF_STEP_S

@@ -57,7 +57,7 @@ _VOWEL = {
     "e": {"jaw": 0.13, "stretch": 0.30, "smile": 0.26, "lower": 0.18, "upper": 0.12, "larynx": 1.5},
     "y": {"jaw": 0.06, "pucker": 0.80, "funnel": 0.15, "larynx": 1.0},
     "œ̃": {"jaw": 0.23, "funnel": 0.32, "pucker": 0.12, "stretch": 0.05, "larynx": -0.2},
-}  # fmt: skip
+}
 
 _BILABIAL = {"jaw": 0.05, "close": 0.06, "press": 0.30, "upper": -0.12, "lower": -0.10}
 _LABIODENTAL = {"jaw": 0.05, "roll_lower": 1.05, "upper": 0.55, "lower": -0.10}

@@ -117,9 +117,14 @@ class VisibilityModel:
 
     @classmethod
     def _from(
-        cls, movement: Movement, place: FloatArray, tip: FloatArray, knuckle: FloatArray,
-        classes: Classes, arc: FloatArray,
-    ) -> "VisibilityModel":  # fmt: skip
+        cls,
+        movement: Movement,
+        place: FloatArray,
+        tip: FloatArray,
+        knuckle: FloatArray,
+        classes: Classes,
+        arc: FloatArray,
+    ) -> "VisibilityModel":
         fingers = classes.fingers.reshape(len(SHAPES), -1)
         gram = fingers @ fingers.T / classes.fingers.shape[1]
         whole = map(np.ascontiguousarray, (place, tip, knuckle, classes.tips, gram, arc))

@@ -279,10 +279,12 @@ def _heard(
             run,
             tuple(reading.words(" ".join(subtitle.text for subtitle in run.subtitles))),
             tuple(len(reading.words(subtitle.text)) for subtitle in run.subtitles),
-            samples, likely, start_s,
+            samples,
+            likely,
+            start_s,
         )
         for run in batch
-    ]  # fmt: skip
+    ]
 
 
 def _beginning(heard: Sequence[_HeardRun]) -> Sequence[_HeardRun]:

@@ -14,25 +14,33 @@ STILL_S = 0.08
 """Least seconds from a key to one that repeats it: the hand stays."""
 
 _BEGINS_MS = {
-    "same": (-71, -69, -67, -66, -72), "side": (0, -43, -4, -36, -46),
-    "mouth": (-58, 0, -44, -59, -59), "chin": (-40, -46, 0, -48, -60),
-    "cheek": (-68, -62, -36, 0, -92), "throat": (-37, -30, -52, -55, 0),
-}  # fmt: skip
+    "same": (-71, -69, -67, -66, -72),
+    "side": (0, -43, -4, -36, -46),
+    "mouth": (-58, 0, -44, -59, -59),
+    "chin": (-40, -46, 0, -48, -60),
+    "cheek": (-68, -62, -36, 0, -92),
+    "throat": (-37, -30, -52, -55, 0),
+}
 """When a key is shown after its start, ms: from the placement before to side, mouth, chin, cheek,
 throat. `python -m lab.key_times` measures these tables."""
 
 _ENDS_MS = {
-    "same": (-73, -77, -79, -75, -73), "side": (0, -74, -75, -73, -80),
-    "mouth": (-78, 0, -78, -78, -83), "chin": (-87, -79, 0, -103, -82),
-    "cheek": (-81, -76, -102, 0, -150), "throat": (-85, -77, -74, -130, 0),
-}  # fmt: skip
+    "same": (-73, -77, -79, -75, -73),
+    "side": (0, -74, -75, -73, -80),
+    "mouth": (-78, 0, -78, -78, -83),
+    "chin": (-87, -79, 0, -103, -82),
+    "cheek": (-81, -76, -102, 0, -150),
+    "throat": (-85, -77, -74, -130, 0),
+}
 """Until when it is shown, after the start of the next key, ms: from its placement to the next."""
 
 _ENDS_IN_SHAPE_MS = {
-    "side": (0, -38, -49, -33, -47), "mouth": (-54, 0, -52, -62, -51),
-    "chin": (-80, -56, 0, -116, -47), "cheek": (-70, -67, -94, 0, -150),
+    "side": (0, -38, -49, -33, -47),
+    "mouth": (-54, 0, -52, -62, -51),
+    "chin": (-80, -56, 0, -116, -47),
+    "cheek": (-70, -67, -94, 0, -150),
     "throat": (-73, -65, -55, -132, 0),
-}  # fmt: skip
+}
 """The same where the next key has the same shape."""
 
 _BEGINS_LATER_S, _ENDS_LATER_S = 0.016, 0.014

@@ -30,9 +30,12 @@ _KNOT_S = 0.01
 """Seconds between the points of the melody's curve."""
 
 MOVEMENT_ST = {
-    "continuation": 4.5, "statement": -5.0, "question": 9.0, "interrogation": -6.0,
+    "continuation": 4.5,
+    "statement": -5.0,
+    "question": 9.0,
+    "interrogation": -6.0,
     "exclamation": -7.0,
-}  # fmt: skip
+}
 """Movement of a group's last full vowel, in semitones. Delattre's four levels of pitch, some
 three semitones apart: a continuation goes from level 2 to 3 or 4, a question from 2 to above 4,
 the others down to 1."""
@@ -157,11 +160,16 @@ def accents(phones: Sequence[Phone]) -> list[Accent]:
         for group, vowel in zip(groups, vowels, strict=True):
             found.append(
                 Accent(
-                    vowel.start, max(vowel.end, vowel.start + 1e-3),
-                    ends if group is groups[-1] else "continuation", ends,
-                    sentence[0].start, vowels[-1].end, group[0].start, group[-1].end,
+                    vowel.start,
+                    max(vowel.end, vowel.start + 1e-3),
+                    ends if group is groups[-1] else "continuation",
+                    ends,
+                    sentence[0].start,
+                    vowels[-1].end,
+                    group[0].start,
+                    group[-1].end,
                 )
-            )  # fmt: skip
+            )
     return found
 
 

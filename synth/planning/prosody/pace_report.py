@@ -143,14 +143,19 @@ class PaceReport:
         line = now.subtitle.line if now.subtitle else 1
         self._rows.append(
             {
-                "start": start_s, "line": line, "keys": count,
+                "start": start_s,
+                "line": line,
+                "keys": count,
                 "keys_of_text": sum(1 for _ in cue(now.said, self._options)),
                 "keys_per_s": round(rate, 2),
-                "lag_s": round(now.lag_s, 3), "left_out": now.words, "mute_e": now.mute,
-                "cued": cued, "short_keys": 0,
+                "lag_s": round(now.lag_s, 3),
+                "left_out": now.words,
+                "mute_e": now.mute,
+                "cued": cued,
+                "short_keys": 0,
                 "readable": rate <= HARDEST_KEYS and not now.words,
             }
-        )  # fmt: skip
+        )
         where = _where(self._rows[-1])
         if now.words:
             self._warn(f"{where}: no time for {len(now.words)} words: {' '.join(now.words)}")

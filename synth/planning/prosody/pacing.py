@@ -220,9 +220,14 @@ class _Block:
     """
 
     def __init__(
-        self, words: Sequence[TimedWord], pace: Pace, options: CueingOptions, before: Said,
-        even_s: float, mirror: PerformanceSimulation,
-    ) -> None:  # fmt: skip
+        self,
+        words: Sequence[TimedWord],
+        pace: Pace,
+        options: CueingOptions,
+        before: Said,
+        even_s: float,
+        mirror: PerformanceSimulation,
+    ) -> None:
         self.even_s = even_s
         self._mirror = mirror
         self._words, self._pace, self._options, self.before = words, pace, options, before
@@ -355,9 +360,10 @@ class _Block:
             low, high = keys.members[begun][0][0], keys.members[k][0][0]
             since = keys.first[k] - _REACH_S
             near = [
-                w for w in range(low, high + 1)
+                w
+                for w in range(low, high + 1)
                 if self._kept[w] and self._words[w].phones[-1].end >= since
-            ]  # fmt: skip
+            ]
             mute = [w for w in near if not self._mute[w] and _has_mute(self._words[w])]
             if mute:
                 for w in mute:

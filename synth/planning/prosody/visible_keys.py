@@ -193,13 +193,16 @@ class VisibleKeys:
             pause[1:] > 0, np.minimum(ends[:-1], begins[1:] - pause[1:]), begins[1:]
         )
         line = KeyLine(
-            start=begins, end=np.maximum(ends, begins + least),
+            start=begins,
+            end=np.maximum(ends, begins + least),
             early=np.ceil(GRID_HZ * early - SAME_S).astype(np.int64),
             late=np.floor(GRID_HZ * late + SAME_S).astype(np.int64),
-            least=least, pause=pause, key=keys.key,
+            least=least,
+            pause=pause,
+            key=keys.key,
             lag=np.where(phones > 1, FLOWING.lag_share * keys.consonant, 0.0),
             more=np.zeros(len(begins)),
-        )  # fmt: skip
+        )
         before = self._before.line
         return line if before is None else line.after(before)
 

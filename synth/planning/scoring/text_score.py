@@ -88,11 +88,7 @@ PLAIN = Reading()
 
 
 def score_of_text(
-    text: str,
-    *,
-    start_s: float = 0.0,
-    reading: Reading = PLAIN,
-    on_word: OnWord = ignore_word,
+    text: str, *, start_s: float = 0.0, reading: Reading = PLAIN, on_word: OnWord = ignore_word
 ) -> Score:
     """Return the score of a text spoken at its natural rate, or at that of the reading's pace.
 
@@ -217,10 +213,7 @@ def in_pieces(phones: Iterable[Phone], reading: Reading) -> Iterator[Score]:
 
 
 def words_of_subtitles(
-    subtitles: Iterable[Subtitle],
-    *,
-    reading: Reading = PLAIN,
-    warn: Warn = log_warning,
+    subtitles: Iterable[Subtitle], *, reading: Reading = PLAIN, warn: Warn = log_warning
 ) -> Iterator[TimedWord]:
     """Yield the words of subtitles that are sorted by start, none before its predecessor's end.
 

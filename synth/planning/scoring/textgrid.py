@@ -37,15 +37,20 @@ def write_textgrid(path: str | os.PathLike[str], score: Score, duration_s: float
     for number, (name, intervals) in enumerate((("phones", phones), ("keys", keys)), start=1):
         filled = list(_filled(intervals, duration_s))
         lines += [
-            f"    item [{number}]:", '        class = "IntervalTier"', f'        name = "{name}"',
-            "        xmin = 0", f"        xmax = {duration_s:.6f}",
+            f"    item [{number}]:",
+            '        class = "IntervalTier"',
+            f'        name = "{name}"',
+            "        xmin = 0",
+            f"        xmax = {duration_s:.6f}",
             f"        intervals: size = {len(filled)}",
-        ]  # fmt: skip
+        ]
         for i, (start, end, text) in enumerate(filled, start=1):
             lines += [
-                f"        intervals [{i}]:", f"            xmin = {start:.6f}",
-                f"            xmax = {end:.6f}", f'            text = "{text}"',
-            ]  # fmt: skip
+                f"        intervals [{i}]:",
+                f"            xmin = {start:.6f}",
+                f"            xmax = {end:.6f}",
+                f'            text = "{text}"',
+            ]
     Path(path).write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 

@@ -167,13 +167,18 @@ class ConcatenativeSynthesiser:
                 score = passage.score if end == last else _SILENT
                 said = (u for u in units if at <= u.target.edges_s[0] * rate_hz < end)
                 yield Performance(
-                    samples, self.fs,
+                    samples,
+                    self.fs,
                     Motion(
-                        moving.astype(np.float32), rate_hz, at / rate_hz, self._voice.layout,
-                        self._voice.identity, score,
+                        moving.astype(np.float32),
+                        rate_hz,
+                        at / rate_hz,
+                        self._voice.layout,
+                        self._voice.identity,
+                        score,
                     ),
                     tuple(said),
-                )  # fmt: skip
+                )
 
     def _make(
         self, passage: ScorePassage, gestures: Gestures, flow: Flow, first: int, last: int
@@ -182,9 +187,10 @@ class ConcatenativeSynthesiser:
         around = passage.around
         times = np.arange(first, last + flow.fade_frames) / flow.rate_hz
         line = with_pauses(
-            around.phones, min(times[0], around.phones[0].start - _LEAD_S),
+            around.phones,
+            min(times[0], around.phones[0].start - _LEAD_S),
             max(times[-1], around.phones[-1].end + _LEAD_S),
-        )  # fmt: skip
+        )
         melody = plan_melody(around.phones, f0_hz=_ONSET * self.sounds.median_hz)
         sounds = near_own_durations(self.sounds.select(cut_sounds(line), melody))
         begin, end = flow.sample(first), flow.sample(last + flow.fade_frames)
@@ -246,16 +252,21 @@ class ConcatenativeSynthesiser:
         hand = _joined(self._hand, dikeys, times)
         params[:, self._hand_columns] = hand
         for columns, width_s in (
-            (self._hand_columns, _HAND_SMOOTHING_S), (self._head_columns, _HEAD_SMOOTHING_S)
-        ):  # fmt: skip
+            (self._hand_columns, _HAND_SMOOTHING_S),
+            (self._head_columns, _HEAD_SMOOTHING_S),
+        ):
             params[:, columns] = gaussian_filter1d(
                 params[:, columns], width_s * rate_hz, axis=0, mode="nearest"
             )
         reached = np.rint((gestures.reach[1:] - times[0]) * rate_hz).astype(np.int64)
         return calm_joins(
-            params, self._hand_columns, reached, self._voice,
-            limit_mm_s=self._quickest_mm_s, rate_hz=rate_hz,
-        )  # fmt: skip
+            params,
+            self._hand_columns,
+            reached,
+            self._voice,
+            limit_mm_s=self._quickest_mm_s,
+            rate_hz=rate_hz,
+        )
 
 
 def _in_a_row(maps: Sequence[PitchedUnit]) -> PitchedUnit:
@@ -269,9 +280,12 @@ def _joined(
     source: Trajectories, choices: Sequence[PlacedUnit], times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     return join_trajectories(
-        source, np.array([c.recording for c in choices]),
-        [c.source.edges_s for c in choices], [c.target.edges_s for c in choices], times,
-    )  # fmt: skip
+        source,
+        np.array([c.recording for c in choices]),
+        [c.source.edges_s for c in choices],
+        [c.target.edges_s for c in choices],
+        times,
+    )
 
 
 def _explained_variance(voice: Voice, motion: Trajectories) -> NDArray[np.float64]:

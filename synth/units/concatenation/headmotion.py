@@ -75,13 +75,15 @@ class HeadMotion:
             (
                 gaussian_filter1d(
                     r.motion.params[:, self._head].astype(np.float64),
-                    _SLOW_S * r.motion.rate_hz, axis=0, mode="nearest",
+                    _SLOW_S * r.motion.rate_hz,
+                    axis=0,
+                    mode="nearest",
                 )
                 - posture
             )
             @ directions
             for r in recordings
-        ]  # fmt: skip
+        ]
         slow = np.concatenate(self._slow)
         deviation = slow.std(axis=0)
         rng = np.random.default_rng([seed, 17])

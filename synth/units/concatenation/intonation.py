@@ -85,10 +85,7 @@ def intone(
 
 
 def _moved(
-    times: NDArray[np.float64],
-    own: NDArray[np.float64],
-    wanted: NDArray[np.float64],
-    usual: float,
+    times: NDArray[np.float64], own: NDArray[np.float64], wanted: NDArray[np.float64], usual: float
 ) -> NDArray[np.float64]:
     """Return by how many semitones a run is moved: a bounded line through what it lacks."""
     line = np.polynomial.Polynomial.fit(times, wanted - own, 1 if np.ptp(times) > 0 else 0)

@@ -197,9 +197,13 @@ def _cued(
     n_frames = round((len(part) / FS + 2 * _REST_S) * cuer.rate_hz)
     motion = cuer.motion(score, -_REST_S, n_frames, voice)
     return UnitRecording.analysed(
-        part, FS, score=score, gestures=cuer.gestures(score), motion=motion,
+        part,
+        FS,
+        score=score,
+        gestures=cuer.gestures(score),
+        motion=motion,
         fits=label_fits(part, FS, phones),
-    )  # fmt: skip
+    )
 
 
 def voiced_share(recording: UnitRecording) -> float:

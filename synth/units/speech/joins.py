@@ -80,9 +80,8 @@ def smooth_joins(
     """
     n = len(grains.index)
     beside = Grains(
-        grains.place_s, grains.index.copy(), grains.piece,
-        np.zeros(n, dtype=np.int64), np.zeros(n),
-    )  # fmt: skip
+        grains.place_s, grains.index.copy(), grains.piece, np.zeros(n, dtype=np.int64), np.zeros(n)
+    )
     at = marks.sample / marks.fs
     level_db = np.zeros(n)
     for k in range(len(edges) - 1):

@@ -143,6 +143,9 @@ def _synthesis_marks(marks: PitchMarks, pieces: Sequence[SpeechPiece]) -> Grains
             time += float(period[m])
     n = len(place)
     return Grains(
-        np.array(place), np.array(index, dtype=np.int64), np.array(number, dtype=np.int64),
-        np.zeros(n, dtype=np.int64), np.ones(n),
-    )  # fmt: skip
+        np.array(place),
+        np.array(index, dtype=np.int64),
+        np.array(number, dtype=np.int64),
+        np.zeros(n, dtype=np.int64),
+        np.ones(n),
+    )

@@ -37,11 +37,14 @@ def passed(cuer: GestureSynthesiser, score: Score) -> list[PassedPlacement]:
     plan = cuer.gestures(score)
     return list(
         passed_by(
-            cuer.markers(score, 0.0, frames), cuer.times_s(0.0, frames),
-            Classes(cuer.targets()[0]), placement=plan.placement, leave=plan.leave,
+            cuer.markers(score, 0.0, frames),
+            cuer.times_s(0.0, frames),
+            Classes(cuer.targets()[0]),
+            placement=plan.placement,
+            leave=plan.leave,
             reach=plan.reach,
         )
-    )  # fmt: skip
+    )
 
 
 def test_nothing_is_passed_in_a_programme_of_all_ways() -> None:
@@ -73,9 +76,10 @@ def test_a_hand_between_is_passed_unless_it_was_meant() -> None:
     cuer = GestureSynthesiser()
     still = cuer.targets()[0][5, [2] * 20]
     strokes = {
-        "placement": np.array([1, 3]), "leave": np.array([-9.0, 0.0]),
+        "placement": np.array([1, 3]),
+        "leave": np.array([-9.0, 0.0]),
         "reach": np.array([-9.0, 0.4]),
-    }  # fmt: skip
+    }
     times, classes = np.arange(20) / 50.0, Classes(cuer.targets()[0])
     (found,) = passed_by(still, times, classes, **strokes)
     assert (found.before, found.after, found.placement) == ("side", "chin", "mouth")

@@ -247,9 +247,13 @@ def test_proofs_that_lead_nowhere_cost_little(monkeypatch: pytest.MonkeyPatch, k
     """256 s with a year's announcement: 134 s of processor time in the first edition."""
     spent, own = Counter[str](), announced()
     year = type(own)(
-        own.name, own.public_key, own.first, own.first + 366 * 135_000,
-        {9: own.ends[9] * 14, 2: own.ends[2] * 14}, own.signature,
-    )  # fmt: skip
+        own.name,
+        own.public_key,
+        own.first,
+        own.first + 366 * 135_000,
+        {9: own.ends[9] * 14, 2: own.ends[2] * 14},
+        own.signature,
+    )
     tried: dict[int, list[bytes]] = {}
 
     def count_tries(

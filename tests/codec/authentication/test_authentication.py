@@ -86,10 +86,12 @@ def quick() -> Iterator[None]:
 @pytest.mark.parametrize(
     ("start", "clock_s", "width"),
     [
-        (0, None, 9), pytest.param(5, None, 2, marks=pytest.mark.slow), (11, None, 9),
+        (0, None, 9),
+        pytest.param(5, None, 2, marks=pytest.mark.slow),
+        (11, None, 9),
         *((start, BEGIN_S + 3.0, width) for start in (0, 5, 11) for width in (9, 2)),
     ],
-)  # fmt: skip
+)
 def test_a_genuine_programme_is_verified(width: int, clock_s: float | None, start: int) -> None:
     """After one block, or two where no clock tells the hour; all but the last block and a piece."""
     layout = LAYOUTS[width]
@@ -194,9 +196,12 @@ def test_a_forged_programme_is_never_verified(what: str) -> None:
     for index, (_, (value, _)) in enumerate(genuine):
         data = rng.bytes(18)
         field = {
-            "nothing": None, "noise": (int(rng.integers(512)), 9), "another's": other[index][1],
-            "zeros": (0, 9), "his own tags": (value, 9),
-        }[what]  # fmt: skip
+            "nothing": None,
+            "noise": (int(rng.integers(512)), 9),
+            "another's": other[index][1],
+            "zeros": (0, 9),
+            "his own tags": (value, 9),
+        }[what]
         forged.append((data, field))
     verifier = Verifier(announced())
     verdicts = []
@@ -324,11 +329,12 @@ def test_an_announcement_that_was_changed_is_refused(tmp_path: Path) -> None:
     announcement = announced()
     ends = {width: bytes(8) + ends[8:] for width, ends in announcement.ends.items()}
     for changed in (
-        replace(announcement, name="another"), replace(announcement, ends=ends),
+        replace(announcement, name="another"),
+        replace(announcement, ends=ends),
         replace(announcement, first=announcement.first + 1),
         replace(announcement, until=announcement.until + 9),
         replace(announcement, public_key=key(1).public_key),
-    ):  # fmt: skip
+    ):
         changed.save(tmp_path / "x.pub")
         with pytest.raises(CueError, match="the signature is not that of the key in it"):
             load_announcement(tmp_path / "x.pub")

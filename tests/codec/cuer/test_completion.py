@@ -107,9 +107,12 @@ def test_without_the_palm_nothing_is_completed(
     assert (confidence[20:24] == 0).all()
     np.testing.assert_array_equal(confidence[:20], 1.0)
     _, recovered = recover_hand(
-        toy_voice.hand, completion, np.where(visible[..., None], truth, 0.0), visible,
+        toy_voice.hand,
+        completion,
+        np.where(visible[..., None], truth, 0.0),
+        visible,
         rate_hz=RATE_HZ,
-    )  # fmt: skip
+    )
     assert np.linalg.norm(recovered - truth, axis=-1)[20:24].mean() < 25.0
 
 

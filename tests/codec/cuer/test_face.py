@@ -60,15 +60,23 @@ def test_head_weights_other_than_one_are_refused(toy_voice: Voice) -> None:
     weights[0] = 0.5
     with pytest.raises(CueError, match="a marker of the head does not follow"):
         FaceModel(
-            model.mean, model.directions, model.pivot, model.motion_mean,
-            model.motion_directions, weights,
-        )  # fmt: skip
+            model.mean,
+            model.directions,
+            model.pivot,
+            model.motion_mean,
+            model.motion_directions,
+            weights,
+        )
 
 
 def test_wrong_shape_is_named(toy_voice: Voice) -> None:
     model = toy_voice.face
     with pytest.raises(CueError, match=r"face model: mean has shape \(62, 3\), expected \(63, 3\)"):
         FaceModel(
-            model.mean[1:], model.directions, model.pivot, model.motion_mean,
-            model.motion_directions, model.weights,
-        )  # fmt: skip
+            model.mean[1:],
+            model.directions,
+            model.pivot,
+            model.motion_mean,
+            model.motion_directions,
+            model.weights,
+        )

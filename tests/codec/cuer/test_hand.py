@@ -55,8 +55,9 @@ def test_angles_follow_a_bending_finger(toy: ModuleType) -> None:
     tip = angles[:, chord[("F33", "F3T")]] - angles[:, chord[("F32", "F33")]]
     # The toy's last joint bends by 0.4 of what its middle joints bend together, 0.8 + 1.0.
     middle = angles[:, chord[("F32", "F33")]] - angles[:, chord[("K3", "F31")]]
-    np.testing.assert_allclose(np.abs(tip - tip.mean()), np.abs(middle - middle.mean()) * 0.4 / 1.5,
-                               atol=0.12)  # fmt: skip
+    np.testing.assert_allclose(
+        np.abs(tip - tip.mean()), np.abs(middle - middle.mean()) * 0.4 / 1.5, atol=0.12
+    )
 
 
 def test_rotation_of_all_markers_leaves_successive_angles(toy: ModuleType) -> None:

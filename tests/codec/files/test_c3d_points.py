@@ -32,9 +32,14 @@ def parameter(
 
 
 def c3d(
-    points: np.ndarray, *, processor: int = INTEL, scale: float = -1.0, analogue: int = 0,
-    claimed: int | None = None, long: bool = False,
-) -> bytes:  # fmt: skip
+    points: np.ndarray,
+    *,
+    processor: int = INTEL,
+    scale: float = -1.0,
+    analogue: int = 0,
+    claimed: int | None = None,
+    long: bool = False,
+) -> bytes:
     """Return a C3D file of points (T, K, 3); NaN is hidden."""
     order = ">" if processor == MIPS else "<"
     frames, count, _ = points.shape

@@ -48,8 +48,11 @@ def test_it_prints_in_colour_and_without(stream: bytes) -> None:
     for code in ("\x1b[0m", *(f"\x1b[{n}m" for n in range(31, 37))):
         painted = painted.replace(code, "")
     assert painted == plain
-    bits = "".join(line[8:].replace(" ", "") for line in plain.splitlines() if line[2:7].strip()
-                   .isdigit() and set(line[8:]) <= set("01 "))  # fmt: skip
+    bits = "".join(
+        line[8:].replace(" ", "")
+        for line in plain.splitlines()
+        if line[2:7].strip().isdigit() and set(line[8:]) <= set("01 ")
+    )
     assert bits == "".join(f"{byte:08b}" for byte in frame.l0 + frame.l1)
 
 

@@ -10,14 +10,7 @@ from codec.cuer.voice import Voice
 from codec.superframe import _kernels
 from codec.superframe.coding import coding_for
 from codec.superframe.payload import coefficient_code
-from codec.superframe.quantise import (
-    Setting,
-    dequantise,
-    quantise_rd,
-    raised,
-    step_width,
-    width_mm,
-)
+from codec.superframe.quantise import Setting, dequantise, quantise_rd, raised, step_width, width_mm
 from codec.superframe.range_coder import FLIP, RangeDecoder, code_length, encode_intervals
 from codec.superframe.tables import CLASSES, CONTEXTS, coefficient_tables
 from codec.superframe.transform import Basis, marker_metric

@@ -15,14 +15,7 @@ from codec.superframe.coding import coding_for
 from codec.superframe.decoder import BLEND, SuperframeDecoder, blended
 from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed import is_filmed
-from codec.superframe.labels import (
-    CELL,
-    CHOICES,
-    OWN,
-    labels_of,
-    read_labels,
-    write_labels,
-)
+from codec.superframe.labels import CELL, CHOICES, OWN, labels_of, read_labels, write_labels
 from codec.superframe.merging import score_of
 from codec.superframe.payload import read_beginning, read_l0
 from codec.superframe.preview import SILENCE, Preview, part_of_preview

@@ -44,10 +44,12 @@ def test_mouths_of_any_kind_close_and_stay_themselves(noise: float) -> None:
             assert np.abs(aperture_off(kept[middle : middle + 1], symbol)).max() < 0.5
         rivals = [s for s in SHAPE_OF if SHAPE_OF.get(symbol) == SHAPE_OF[s]] or [symbol]
         away = [
-            CONTRACT.apart(kept[middle : middle + 1], VOICE.gestures.viseme_targets[
-                PHONE_NUMBER[rival]].astype(float))[0]
+            CONTRACT.apart(
+                kept[middle : middle + 1],
+                VOICE.gestures.viseme_targets[PHONE_NUMBER[rival]].astype(float),
+            )[0]
             for rival in rivals
-        ]  # fmt: skip
+        ]
         assert rivals[int(np.argmin(away))] == symbol
 
 

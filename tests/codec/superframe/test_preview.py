@@ -71,8 +71,7 @@ def test_a_previewed_superframe_keeps_every_key(score: Score, place: int, distan
 
 
 @pytest.mark.parametrize(
-    ("options", "symbol"),
-    [(DEFAULT_OPTIONS, 5 * 5 + 0), (CueingOptions(schwa="cheek"), 5 * 5 + 3)],
+    ("options", "symbol"), [(DEFAULT_OPTIONS, 5 * 5 + 0), (CueingOptions(schwa="cheek"), 5 * 5 + 3)]
 )
 def test_placements_are_those_of_the_options(options: CueingOptions, symbol: int) -> None:
     line = to_line(Score((Phone("l", 0.1, 0.2), Phone("ə", 0.2, 0.3)), ()), options)

@@ -135,9 +135,10 @@ def test_superframes_do_not_depend_on_order_or_on_what_lies_far_off(
     assert superframes(toy_voice, motion, [5, 2, 7]) == {k: forwards[k] for k in (5, 2, 7)}
     first = 4 - turns
     window = replace(
-        motion, start_s=first * SUPERFRAME_S,
+        motion,
+        start_s=first * SUPERFRAME_S,
         params=motion.params[first * TICKS : (4 + turns + 1) * TICKS],
-    )  # fmt: skip
+    )
     assert superframes(toy_voice, window, [4])[4] == forwards[4]
     # A second window, of which most is known.
     encoder = SuperframeEncoder(

@@ -93,11 +93,14 @@ def test_the_past_does_not_depend_on_the_future() -> None:
     """Frames of a superframe are the same from any window that holds its neighbours."""
     parts = parts_of_phones(WORDS * 3, start_tick=10, length=5)
     table = Targets(
-        np.random.default_rng(0).normal(size=(N_KEYS, 12)), np.zeros((N_KEYS, 2)),
-        np.random.default_rng(1).normal(size=(N_KEYS, 3)), np.array([0.1, 0.0, 0.2]),
-        np.random.default_rng(2).normal(size=(38, 7)), FLOWING,
+        np.random.default_rng(0).normal(size=(N_KEYS, 12)),
+        np.zeros((N_KEYS, 2)),
+        np.random.default_rng(1).normal(size=(N_KEYS, 3)),
+        np.array([0.1, 0.0, 0.2]),
+        np.random.default_rng(2).normal(size=(38, 7)),
+        FLOWING,
         30 * np.random.default_rng(3).normal(size=(N_KEYS, 3)),
-    )  # fmt: skip
+    )
     whole = Resynthesis(join(parts), table, 0, 5 * TICKS).params()
     for k in range(1, 4):
         near = {i: parts[i] for i in (k - 1, k, k + 1)}
@@ -117,10 +120,12 @@ def test_trained_tables_predict_better_than_derived_ones(toy_voice: Voice) -> No
     rng = np.random.default_rng(7)
     hidden = derive_coding(toy_voice).targets
     other = Targets(
-        hidden.hand + 0.5 * rng.normal(size=hidden.hand.shape), hidden.head,
-        hidden.forearm + 0.5 * rng.normal(size=hidden.forearm.shape), hidden.arc + 0.05,
+        hidden.hand + 0.5 * rng.normal(size=hidden.hand.shape),
+        hidden.head,
+        hidden.forearm + 0.5 * rng.normal(size=hidden.forearm.shape),
+        hidden.arc + 0.05,
         hidden.face + 0.3 * rng.normal(size=hidden.face.shape),
-    )  # fmt: skip
+    )
     phones = [
         Phone(s, 0.5 + 0.12 * i, 0.62 + 0.12 * i)
         for i, s in enumerate(rng.choice(["b", "a", "l", "i", "s", "u", "e", "g"], 250))
@@ -189,9 +194,7 @@ def test_compiled_loops_are_those_of_python() -> None:
     out, arc = np.zeros((2, 20, 4)), np.array([0.1, -0.2, 0.0, 0.3])
     for i, which in enumerate(("__call__", "py_func")):
         moved_into = getattr(_kernels.moved_into, which)
-        moved_into(
-            leave, reach, 100, 100, begins, ends, 700.0, 0.55, held, distance, arc, out[i]
-        )  # fmt: skip
+        moved_into(leave, reach, 100, 100, begins, ends, 700.0, 0.55, held, distance, arc, out[i])
     for found in (weights, out):
         np.testing.assert_allclose(found[0], found[1], atol=1e-12)
     np.testing.assert_allclose(out[0, [0, -1]], held[[0, 2]])

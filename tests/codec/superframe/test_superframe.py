@@ -18,22 +18,11 @@ from codec.superframe.checks import CRC16_BYTES, with_check
 from codec.superframe.coding import coding_for
 from codec.superframe.decoder import SuperframeDecoder
 from codec.superframe.encoder import SuperframeEncoder
-from codec.superframe.payload import (
-    coefficient_code,
-    read_beginning,
-    read_l0,
-    read_l1,
-    score_code,
-)
+from codec.superframe.payload import coefficient_code, read_beginning, read_l0, read_l1, score_code
 from codec.superframe.plan import plan_of
 from codec.superframe.quantise import basis_of
 from codec.superframe.range_coder import TOTAL, code_length
-from codec.superframe.superframe import (
-    DecodedSuperframe,
-    ScoreMerger,
-    Superframe,
-    merge_scores,
-)
+from codec.superframe.superframe import DecodedSuperframe, ScoreMerger, Superframe, merge_scores
 from tests.codec.speech import SENTENCE, spoken
 
 

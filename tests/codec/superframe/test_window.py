@@ -154,10 +154,7 @@ def resting(toy_voice: Voice) -> Resting:
 
 
 def test_keys_pass_through_encoder_and_decoder(toy_voice: Voice, motion: Motion) -> None:
-    encoder, decoder = (
-        CompactEncoder(toy_voice, l0_bytes=7),
-        SuperframeDecoder(toy_voice),
-    )
+    encoder, decoder = (CompactEncoder(toy_voice, l0_bytes=7), SuperframeDecoder(toy_voice))
     decoded = [decoder.push(encoder.encode(motion, k).l0, None, k) for k in range(8)]
     assert motion.score is not None
     assert names(merge_scores(decoded)) == names(motion.score)

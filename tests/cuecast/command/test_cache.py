@@ -58,7 +58,10 @@ def test_a_read_only_installation_without_a_home(tmp_path: Path, told: bool) -> 
     assert made.stderr.count("compiled code") == (0 if told else 1)
     encoded = subprocess.run(
         [sys.executable, "-m", "cuecast", "encode", str(tmp_path / "m.npz"), "-o", "-", *option],
-        cwd=tree, env=environment, capture_output=True, check=False,
-    )  # fmt: skip
+        cwd=tree,
+        env=environment,
+        capture_output=True,
+        check=False,
+    )
     assert encoded.returncode == 0, encoded.stderr
     assert any((tmp_path / "kept").rglob("*.nbi")) if told else True

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from codec import (
-    Motion,
-    compare_motions,
-    decode_stream,
-    encode_stream,
-    load_voice,
-    save_motion,
-)
+from codec import Motion, compare_motions, decode_stream, encode_stream, load_voice, save_motion
 from codec.errors import CueError
 from cuecast.command.cli import main
 from cuecast.command.kinds import kind_of
@@ -49,21 +42,29 @@ def test_kinds(folder: Path, name: str, kind: str | None) -> None:
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [("decode m.npz -o x.npz", "m.npz is a motion (M.npz); decode takes a bit stream (S.cue) here. "
-      "For such a file: encode, render, compare, dub --motion"),
-     ("inspect m.npz", "inspect takes a bit stream"),
-     ("encode a.wav -o x.cue", "a.wav is a sound or video file; encode takes a motion (M.npz)"),
-     ("encode s.cue -o x.cue", "For such a file: decode, inspect"),
-     ("render other.npz -o x.png", "is an archive (npz or zip) without a motion; render takes"),
-     ("compare m.npz s.cue", "s.cue is a bit stream (S.cue); compare takes a motion"),
-     ("receive p.png", "p.png is a still picture; receive takes a sound or video file"),
-     ("dub m.npz -o x.wav --subtitles a.srt", "m.npz is a motion (M.npz); dub takes a sound"),
-     ("keys --file a.wav", "a.wav is a sound or video file; keys takes subtitles here")],
-)  # fmt: skip
+    [
+        (
+            "decode m.npz -o x.npz",
+            "m.npz is a motion (M.npz); decode takes a bit stream (S.cue) here. "
+            "For such a file: encode, render, compare, dub --motion",
+        ),
+        ("inspect m.npz", "inspect takes a bit stream"),
+        ("encode a.wav -o x.cue", "a.wav is a sound or video file; encode takes a motion (M.npz)"),
+        ("encode s.cue -o x.cue", "For such a file: decode, inspect"),
+        ("render other.npz -o x.png", "is an archive (npz or zip) without a motion; render takes"),
+        ("compare m.npz s.cue", "s.cue is a bit stream (S.cue); compare takes a motion"),
+        ("receive p.png", "p.png is a still picture; receive takes a sound or video file"),
+        ("dub m.npz -o x.wav --subtitles a.srt", "m.npz is a motion (M.npz); dub takes a sound"),
+        ("keys --file a.wav", "a.wav is a sound or video file; keys takes subtitles here"),
+    ],
+)
 def test_wrong_files(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    given: str, message: str,
-) -> None:  # fmt: skip
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    given: str,
+    message: str,
+) -> None:
     monkeypatch.chdir(folder)
     assert main(given.split()) == 3
     told = capsys.readouterr()
@@ -103,12 +104,14 @@ def source(k: int) -> tuple[bytes, bytes]:
 
 @pytest.mark.parametrize(
     ("block", "message"),
-    [(np.zeros((9, 2), np.int16), "samples are int16, .* divide by 32768"),
-     (np.zeros((9, 2), bool), "samples are bool"),
-     (np.zeros((9, 2), complex), "samples are complex128"),
-     (np.zeros(9, np.float32), "shape .9,., expected .n, 2."),
-     (np.full((9, 2), np.nan), "not finite")],
-)  # fmt: skip
+    [
+        (np.zeros((9, 2), np.int16), "samples are int16, .* divide by 32768"),
+        (np.zeros((9, 2), bool), "samples are bool"),
+        (np.zeros((9, 2), complex), "samples are complex128"),
+        (np.zeros(9, np.float32), "shape .9,., expected .n, 2."),
+        (np.full((9, 2), np.nan), "not finite"),
+    ],
+)
 def test_samples_of_another_kind(block: np.ndarray, message: str) -> None:
     with pytest.raises(CueError, match=message):
         AudioEmbedder(48_000, 2, source).process(block)
@@ -118,9 +121,12 @@ def test_samples_of_another_kind(block: np.ndarray, message: str) -> None:
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [(b"x" * 27, "gave bytes, expected a pair"), ((b"x", b"y"), r"parts of \(1, 1\) bytes"),
-     (None, "gave NoneType")],
-)  # fmt: skip
+    [
+        (b"x" * 27, "gave bytes, expected a pair"),
+        ((b"x", b"y"), r"parts of \(1, 1\) bytes"),
+        (None, "gave NoneType"),
+    ],
+)
 def test_sources_of_another_kind(given: object, message: str) -> None:
     assert PROFILES["audio"]["standard"].l0_bytes == 20
     embedder = AudioEmbedder(48_000, 1, lambda k: given)  # type: ignore[arg-type, return-value]

@@ -93,9 +93,12 @@ def test_batch_is_restartable(
     assert "not a sound or video file" in rows[1]["error"]
     assert int(rows[0]["keys"]) > 3
     assert sorted(p.name for p in out.iterdir()) == [
-        "one-cued.flac", "one-cued.flac.json", "summary.csv", "two-cued.flac",
+        "one-cued.flac",
+        "one-cued.flac.json",
+        "summary.csv",
+        "two-cued.flac",
         "two-cued.flac.json",
-    ]  # fmt: skip
+    ]
     before = (out / "one-cued.flac").stat().st_mtime_ns
     capsys.readouterr()
     status, rows = run(catalogue, out, *FAST, "--json")
@@ -176,9 +179,10 @@ def workers_of(process: subprocess.Popen[bytes]) -> list[int]:
     """Processes of a batch that it has started itself."""
     found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
     return [
-        int(pid) for pid in found.split()
+        int(pid)
+        for pid in found.split()
         if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    ]  # fmt: skip
+    ]
 
 
 def start(catalogue: Path, out: Path, jobs: int) -> subprocess.Popen[bytes]:
@@ -266,8 +270,12 @@ def test_record_without_its_output_is_finished(tmp_path: Path) -> None:
     assert item.run(never) == (record, False)
     assert item.output.read_bytes() == b"dubbed"
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        ".cuecast-batch", "in", "kept", "out.flac", "out.flac.json",
-    ]  # fmt: skip
+        ".cuecast-batch",
+        "in",
+        "kept",
+        "out.flac",
+        "out.flac.json",
+    ]
 
 
 def test_what_changed_is_made_anew(tmp_path: Path) -> None:
@@ -304,9 +312,11 @@ def test_unforeseen_error_is_its_programme_s(tmp_path: Path) -> None:
 
 
 def test_dask_scheduler(
-    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    catalogue: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     monkeypatch.setattr(warming, "warm_kernels", os.getpid)
     with distributed.LocalCluster(

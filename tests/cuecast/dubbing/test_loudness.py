@@ -43,9 +43,10 @@ def decoded(path: Path, track: int, **options: str) -> tuple[NDArray[np.float64]
 def lufs(sound: tuple[NDArray[np.float64], list[str]]) -> float:
     """Integrated loudness after ITU-R BS.1770-4 at 48 kHz, with its two gates."""
     x, names = sound
-    shelf = [1.53512485958697, -2.69169618940638, 1.19839281085285], [
-        1.0, -1.69065929318241, 0.73248077421585,
-    ]  # fmt: skip
+    shelf = (
+        [1.53512485958697, -2.69169618940638, 1.19839281085285],
+        [1.0, -1.69065929318241, 0.73248077421585],
+    )
     high = [1.0, -2.0, 1.0], [1.0, -1.99004745483398, 0.99007225036621]
     weights = np.array([_WEIGHTS.get(name, 0.0) for name in names])
     power = np.square(lfilter(*high, lfilter(*shelf, x, axis=0), axis=0)) @ weights
@@ -111,11 +112,12 @@ def first_frame(path: Path) -> bytes:
 @pytest.mark.parametrize(
     ("codec", "live"),
     [
-        ("ac3", False), ("eac3", True),
+        ("ac3", False),
+        ("eac3", True),
         pytest.param("eac3", False, marks=pytest.mark.slow),
         pytest.param("ac3", True, marks=pytest.mark.slow),
     ],
-)  # fmt: skip
+)
 def test_sets_are_told_the_same_loudness(tmp_path: Path, codec: str, *, live: bool) -> None:
     """A decoder that brings all programmes to one level makes the same of both."""
     source = write(tmp_path / "a.ts", codec, "5.1(side)", seconds=5, dialnorm="-24")
@@ -147,9 +149,11 @@ FORMS: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
     "50 frames": (lambda p: write(p / "a.ts", "mp2", fps=50), BOTH),
     "fields": (lambda p: write(p / "a.ts", "mp2", fields=True), BOTH),
     "surround": (lambda p: write(p / "a.ts", "ac3", "5.1(side)"), []),
-    "languages": (lambda p: write(p / "a.ts", "mp2", languages=("deu", "fra", "eng")),
-                  ["--track", "1"]),
-}  # fmt: skip
+    "languages": (
+        lambda p: write(p / "a.ts", "mp2", languages=("deu", "fra", "eng")),
+        ["--track", "1"],
+    ),
+}
 
 
 @pytest.mark.slow

@@ -37,8 +37,9 @@ def test_what_cannot_help_is_not_advised() -> None:
     loudest = [SuperframeMargin(0, 1.4, "aac:128k", loudest=True)]
     report = margin_figures(loudest, 0.0, through="aac:128k", profile="standard", grade=-0.4)
     assert [one.split(",")[0] for one in report["helps"]] == [
-        "--profile audio=robust", "a higher bit rate than aac:128k"
-    ]  # fmt: skip
+        "--profile audio=robust",
+        "a higher bit rate than aac:128k",
+    ]
 
 
 def test_many_passages_are_counted() -> None:

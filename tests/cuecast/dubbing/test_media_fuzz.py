@@ -26,9 +26,13 @@ pytestmark = pytest.mark.long(7)
 VOICE = load_voice()
 FPS, FS, SECONDS = 25, 48_000, 2
 FORMS = {
-    "a.mp4": ("libx264", "aac"), "a.mkv": ("libx264", "flac"), "a.ts": ("mpeg2video", "mp2"),
-    "a.wav": (None, "pcm_s16le"), "b.mp4": ("mpeg4", None), "a.ogg": (None, "libopus"),
-}  # fmt: skip
+    "a.mp4": ("libx264", "aac"),
+    "a.mkv": ("libx264", "flac"),
+    "a.ts": ("mpeg2video", "mp2"),
+    "a.wav": (None, "pcm_s16le"),
+    "b.mp4": ("mpeg4", None),
+    "a.ogg": (None, "libopus"),
+}
 LONGEST_S = 300
 MOST_MEMORY_KB, MORE_MEMORY_KB = 1_500_000, 100_000
 

@@ -97,10 +97,13 @@ def test_options_choose_method_and_alignment(
     subtitles, speech = srt(tmp_path / "a.srt"), tmp_path / "s.wav"
     made = {}
     for name, options in {
-        "plain": [], "attina": ["--alignment", "attina"], "paper": ["--alignment", "paper"],
-        "rest": ["--rest-gap", "5"], "units": ["--pace", "readable", "--speech", str(speech)],
+        "plain": [],
+        "attina": ["--alignment", "attina"],
+        "paper": ["--alignment", "paper"],
+        "rest": ["--rest-gap", "5"],
+        "units": ["--pace", "readable", "--speech", str(speech)],
         "paper-units": ["--method", "units", "--alignment", "paper"],
-    }.items():  # fmt: skip
+    }.items():
         path = tmp_path / f"{name}.npz"
         assert main(["synth", "--file", subtitles, "-o", str(path), *options]) == 0
         made[name] = load_motion(path)

@@ -19,10 +19,12 @@ def frames(count: int, width: int = 320, height: int = 180, depth: int = 8) -> l
     rng = np.random.default_rng(0)
     kind = np.uint8 if depth == 8 else np.uint16
     return [
-        ((120 + 60 * np.sin(x / 20 + n / 5) * np.cos(y / 15) + rng.normal(0, 3, x.shape))
-         * 2 ** (depth - 8)).astype(kind)
+        (
+            (120 + 60 * np.sin(x / 20 + n / 5) * np.cos(y / 15) + rng.normal(0, 3, x.shape))
+            * 2 ** (depth - 8)
+        ).astype(kind)
         for n in range(count)
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize(

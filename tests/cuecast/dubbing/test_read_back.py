@@ -167,12 +167,16 @@ def test_the_container_decides_the_codec(folder: Path, run: Run, tmp_path: Path)
 @pytest.mark.parametrize(
     ("codec", "form", "suffix", "wanted"),
     [
-        ("flac", "s32", ".wav", "pcm_s24le"), ("pcm_f32le", "flt", ".wav", "pcm_f32le"),
-        ("aac", "fltp", ".WAV", "pcm_s16le"), ("pcm_s16le", "s16", ".aiff", "pcm_s16be"),
-        ("vorbis", "fltp", ".ogg", "vorbis"), ("flac", "s16", ".mp3", "libmp3lame"),
-        ("mp2float", "fltp", ".ts", "mp2float"), ("flac", "s16", ".mkv", "flac"),
+        ("flac", "s32", ".wav", "pcm_s24le"),
+        ("pcm_f32le", "flt", ".wav", "pcm_f32le"),
+        ("aac", "fltp", ".WAV", "pcm_s16le"),
+        ("pcm_s16le", "s16", ".aiff", "pcm_s16be"),
+        ("vorbis", "fltp", ".ogg", "vorbis"),
+        ("flac", "s16", ".mp3", "libmp3lame"),
+        ("mp2float", "fltp", ".ts", "mp2float"),
+        ("flac", "s16", ".mkv", "flac"),
     ],
-)  # fmt: skip
+)
 def test_usual_codecs(codec: str, form: str, suffix: str, wanted: str) -> None:
     assert usual_codec(SoundFormat(codec, 48000, 2, "stereo", form, 0), suffix) == wanted
 
@@ -190,9 +194,12 @@ def test_colours_chapters_and_attachments_stay(tmp_path: Path) -> None:
         context = stream.codec_context
         context.colorspace, context.color_primaries, context.color_trc = 9, 9, 18
         chapter: Any = {
-            "id": 0, "start": 0, "end": 500, "time_base": Fraction(1, 1000),
+            "id": 0,
+            "start": 0,
+            "end": 500,
+            "time_base": Fraction(1, 1000),
             "metadata": {"title": "Un"},
-        }  # fmt: skip
+        }
         out.set_chapters([chapter])
         out.add_attachment("a.ttf", "font/ttf", b"abc")
         for n in range(25):

@@ -87,9 +87,12 @@ def test_each_channel_keeps_the_programme(name: str) -> None:
     if name in ALTERED:
         return
     gains_db = {
-        "gain_minus_10db": -10, "gain_minus_20db": -20, "gain_plus_10db": 10, "gain_plus_20db": 20,
+        "gain_minus_10db": -10,
+        "gain_minus_20db": -20,
+        "gain_plus_10db": 10,
+        "gain_plus_20db": 20,
         "multiband": -6,
-    }  # fmt: skip
+    }
     gain = 10 ** (gains_db.get(name, 0) / 20)
     assert 0.05 < np.sqrt(2 * np.mean(middle**2)) / gain < 0.22
 

@@ -50,9 +50,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object
 
 
 @pytest.mark.slow
-def test_figures_of_the_paper_hold_on_drill_lines(
-    measured: tuple[dict[str, object], Path],
-) -> None:
+def test_figures_of_the_paper_hold_on_drill_lines(measured: tuple[dict[str, object], Path]) -> None:
     result, _ = measured
     found = {name: value for name, value in result.items() if isinstance(value, int | float)}
     assert found["hand_mae_test_mm"] < 2.0  # measured 0.9

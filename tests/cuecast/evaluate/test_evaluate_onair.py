@@ -65,8 +65,7 @@ def test_real_takes_on_air(tmp_path: Path) -> None:
     for name in names:
         wanted = CaptureOptions(aspect=16 / 9, frame_rate_hz=30.0)
         save_motion(
-            capture_motion(tmp_path / f"{name}.csv", voice, wanted).motion,
-            tmp_path / f"{name}.npz",
+            capture_motion(tmp_path / f"{name}.csv", voice, wanted).motion, tmp_path / f"{name}.npz"
         )
     rows = {row["way"]: row for row in onair.evaluate(options(tmp_path, tmp_path))}
     found = rows["keys"]

@@ -111,10 +111,14 @@ def test_strokes_are_those_of_the_analysis_of_real_cuers() -> None:
     found = tool.merge([tool.analyse(one.hand, RATE_HZ) for one in films])
     ours = stroke_figures(films)
     for name, key, scale in (
-        ("stroke_ms", "dur", 1000), ("hold_ms", "hold", 1000), ("peak_mm_s", "peak", 1),
-        ("amplitude_mm", "amp", 1), ("path_over_chord", "straight", 1),
-        ("drift_mm_s", "drift", 1), ("fingers_ahead_ms", "soff", -1000),
-    ):  # fmt: skip
+        ("stroke_ms", "dur", 1000),
+        ("hold_ms", "hold", 1000),
+        ("peak_mm_s", "peak", 1),
+        ("amplitude_mm", "amp", 1),
+        ("path_over_chord", "straight", 1),
+        ("drift_mm_s", "drift", 1),
+        ("fingers_ahead_ms", "soff", -1000),
+    ):
         assert ours[name] == pytest.approx(scale * float(np.median(found[key])), rel=0.02), name
 
 

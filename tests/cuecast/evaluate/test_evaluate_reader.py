@@ -126,9 +126,11 @@ def test_she_gets_used_to_another_hand(takes: list[ReaderTake]) -> None:
 
 def test_labels_that_cuers_differ_on() -> None:
     keys = [
-        Key(0, 1, ("ʒ", "ə"), 1, "side"), Key(1, 2, ("ʒ", "ə"), 1, "side"),
-        Key(2, 3, ("p",), 1, "side"), Key(3, 4, ("o",), 5, "side"),
-    ]  # fmt: skip
+        Key(0, 1, ("ʒ", "ə"), 1, "side"),
+        Key(1, 2, ("ʒ", "ə"), 1, "side"),
+        Key(2, 3, ("p",), 1, "side"),
+        Key(3, 4, ("o",), 5, "side"),
+    ]
     assert [(one.shape, one.places) for one in asked(keys)] == [(1, (1, 4)), (1, (1,)), (5, (1, 3))]
 
 
@@ -147,8 +149,10 @@ def test_archive_and_tables_are_the_same(folder: Path) -> None:
     whole = np.array(values).T
     ints = np.where(np.isfinite(whole), np.round(20_000 * whole), -32_768).astype(np.int16)
     arrays: dict[str, Any] = {
-        "columns": np.array(columns), "u00": ints, "u00.frames": np.arange(len(ints))
-    }  # fmt: skip
+        "columns": np.array(columns),
+        "u00": ints,
+        "u00.frames": np.arange(len(ints)),
+    }
     np.savez(folder / ARCHIVE, **arrays)
     for path in folder.glob("u*.csv"):
         path.unlink()
@@ -162,9 +166,10 @@ def test_a_left_hand_is_read_as_a_right_one(folder: Path) -> None:
     right = seen_in(table, 16 / 9)
     turn = np.array([-1.0, 1.0, 1.0])
     mirrored = replace(
-        table, face=(table.face * turn)[:, _MIRRORED],
+        table,
+        face=(table.face * turn)[:, _MIRRORED],
         hands={"left_hand": table.hands["right_hand"] * turn},
-    )  # fmt: skip
+    )
     left = seen_in(mirrored, 16 / 9)
     for name in ("fingers", "tips", "speed", "lips"):
         np.testing.assert_allclose(getattr(left, name), getattr(right, name), atol=1e-9)
@@ -175,8 +180,9 @@ def test_kernels_do_what_their_source_says(rng: np.random.Generator) -> None:
     skip = np.arange(7) % 2 == 1
     key, way, rest, enter = (rng.normal(size=s) for s in ((20, 6), (20,), (20,), (6,)))
     cases: list[tuple[Any, Any]] = [
-        (_kernels.aligned, (fit, skip)), (_kernels.likeliest, (key, way, rest, enter)),
-    ]  # fmt: skip
+        (_kernels.aligned, (fit, skip)),
+        (_kernels.likeliest, (key, way, rest, enter)),
+    ]
     for kernel, inputs in cases:
         ours, plain = np.empty(20, np.int64), np.empty(20, np.int64)
         kernel(*inputs, ours)
@@ -189,9 +195,12 @@ def test_no_key_follows_itself(rng: np.random.Generator) -> None:
     line = np.empty(200, np.int64)
     for _ in range(20):
         _kernels.likeliest(
-            rng.normal(size=(200, 3)), rng.normal(size=200), rng.normal(size=200) - 1.0,
-            np.zeros(3), line,
-        )  # fmt: skip
+            rng.normal(size=(200, 3)),
+            rng.normal(size=200),
+            rng.normal(size=200) - 1.0,
+            np.zeros(3),
+            line,
+        )
         held = line[np.flatnonzero(np.diff(line, prepend=-1))]
         keys = held[(held <= 3) | (held == 7)]
         assert not any(a == b and 1 <= a <= 3 for a, b in itertools.pairwise(keys.tolist()))

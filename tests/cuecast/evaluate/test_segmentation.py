@@ -68,9 +68,10 @@ def test_labels_are_corrected_and_saved(page: Path, tmp_path: Path) -> None:
     assert errors == []
     assert title == "corpus3/s<1> (tests </script>)"
     assert refused == [
-        "“99” is not placement 0-5 and shape 0-8", "“q” is no phone",
+        "“99” is not placement 0-5 and shape 0-8",
+        "“q” is no phone",
         "a key has one or two phones",
-    ]  # fmt: skip
+    ]
     assert accepted == ""
     (tmp_path / "before.TextGrid").write_text(before, encoding="utf-8")
     (tmp_path / "after.TextGrid").write_text(after, encoding="utf-8")

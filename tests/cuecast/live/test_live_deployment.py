@@ -29,8 +29,9 @@ def test_unit_starts_a_playout() -> None:
     assert argv[:2] == ["/usr/bin/env", "cuecast"]
     given = [
         arg.replace("${CUECAST_IN}", "udp://@:5000").replace("${CUECAST_OUT}", "-")
-        for arg in argv[2:] if arg != "$CUECAST_OPTIONS"
-    ]  # fmt: skip
+        for arg in argv[2:]
+        if arg != "$CUECAST_OPTIONS"
+    ]
     args = build_parser().parse_args(given)
     assert (args.verb, args.source, args.target) == ("playout", "udp://@:5000", "-")
     assert service["Restart"] == "always"
@@ -42,9 +43,11 @@ def test_systemd_understands_the_unit(tmp_path: Path) -> None:
     copy = tmp_path / "cuecast-playout@x.service"
     copy.write_text(UNIT.read_text(encoding="utf-8"), encoding="utf-8")
     done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(copy)], capture_output=True, text=True,
+        ["systemd-analyze", "verify", "--man=no", str(copy)],
+        capture_output=True,
+        text=True,
         check=False,
-    )  # fmt: skip
+    )
     about_us = [line for line in done.stderr.splitlines() if "cuecast-playout" in line]
     assert about_us == []
 

@@ -81,12 +81,14 @@ def test_a_program_on_this_machine_speaks() -> None:
 
 @pytest.mark.parametrize(
     ("headers", "why"),
-    [({"Origin": "https://evil.example"}, "origin https://evil.example is not allowed"),
-     ({"Origin": "null"}, "origin null is not allowed"),
-     ({"Origin": "http://127.0.0.1:8080"}, "is not allowed"),
-     ({"Host": "evil.example"}, "host 'evil.example' is not this machine"),
-     ({"Host": "127.0.0.1.evil.example:80"}, "is not this machine")],
-)  # fmt: skip
+    [
+        ({"Origin": "https://evil.example"}, "origin https://evil.example is not allowed"),
+        ({"Origin": "null"}, "origin null is not allowed"),
+        ({"Origin": "http://127.0.0.1:8080"}, "is not allowed"),
+        ({"Host": "evil.example"}, "host 'evil.example' is not this machine"),
+        ({"Host": "127.0.0.1.evil.example:80"}, "is not this machine"),
+    ],
+)
 def test_a_page_does_not(headers: dict[str, str], why: str) -> None:
     listener, status, _ = served(Guard(), LINE, **headers)
     assert (status, listener.captions) == (403, [])
@@ -152,15 +154,17 @@ def seen(**changes: bool | float) -> Observation:
 
 @pytest.mark.parametrize(
     ("changes", "state", "words"),
-    [({"loaded": False, "was_loaded": False}, "starting", "loading"),
-     ({"loaded": False}, "bypass", "ended and is started again"),
-     ({"input_silent": True}, "ready", "no input"),
-     ({}, "ready", "within 5 s"),
-     ({"marking": True}, "marked", ""),
-     ({"waited_s": 6.0}, "bypass", "too slow"),
-     ({"sound": False}, "bypass", "no sound that can be marked"),
-     ({"stopping": True, "marking": True}, "stopping", "no more input")],
-)  # fmt: skip
+    [
+        ({"loaded": False, "was_loaded": False}, "starting", "loading"),
+        ({"loaded": False}, "bypass", "ended and is started again"),
+        ({"input_silent": True}, "ready", "no input"),
+        ({}, "ready", "within 5 s"),
+        ({"marking": True}, "marked", ""),
+        ({"waited_s": 6.0}, "bypass", "too slow"),
+        ({"sound": False}, "bypass", "no sound that can be marked"),
+        ({"stopping": True, "marking": True}, "stopping", "no more input"),
+    ],
+)
 def test_states(changes: dict[str, bool | float], state: str, words: str) -> None:
     found = condition_of(seen(**changes))
     assert found.state == state

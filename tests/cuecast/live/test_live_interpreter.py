@@ -61,9 +61,7 @@ def test_a_line_is_read_or_refused() -> None:
             read_pose(line, 2)
 
 
-def test_keys_are_told_from_landmarks_where_lines_have_them(
-    filmed: tuple[Motion, Score],
-) -> None:
+def test_keys_are_told_from_landmarks_where_lines_have_them(filmed: tuple[Motion, Score]) -> None:
     """The parameters rest: whatever is recognised is recognised from the points."""
     motion, score = filmed
     cuer = GestureSynthesiser("claire", rate_hz=RATE_HZ)
@@ -199,17 +197,18 @@ def test_sound_waits_for_her_and_no_longer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "seconds"),
-    [({}, 0.64), ({"low_delay": True}, 1.28), ({"through": "none"}, 1.92)],
+    ("options", "seconds"), [({}, 0.64), ({"low_delay": True}, 1.28), ({"through": "none"}, 1.92)]
 )
 def test_how_far_ahead_she_has_to_be_known(options: dict[str, object], seconds: float) -> None:
     assert LiveOptions("standard", 0, -0.43, **options).ahead_s == pytest.approx(seconds)  # type: ignore[arg-type]
 
 
 def test_an_interpreter_is_received(
-    filmed: tuple[Motion, Score], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    filmed: tuple[Motion, Score],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """Through the command: her lines on the standard input, the programme from a file."""
     motion, _ = filmed
     pcm = np.random.default_rng(1).normal(0, 2000, (9 * 48_000, 2)).astype("<i2")

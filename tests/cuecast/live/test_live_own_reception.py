@@ -12,9 +12,12 @@ STEP = round(0.64 * TICKS)
 
 
 def minute(
-    count: ReceptionCount, lost: set[int], bypass: range = range(0),
-    start: int = PERIOD - 5 * TICKS, lag: int = 0,
-) -> list[MinuteReport]:  # fmt: skip
+    count: ReceptionCount,
+    lost: set[int],
+    bypass: range = range(0),
+    start: int = PERIOD - 5 * TICKS,
+    lag: int = 0,
+) -> list[MinuteReport]:
     """Let 80 s of sound go out in pieces of 24 ms; the stamps begin anew on the way.
 
     The receiver is `lag` pieces behind.

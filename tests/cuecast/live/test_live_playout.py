@@ -123,9 +123,11 @@ def test_datagrams_pass_whatever_happens_to_the_marking(
     receiver.bind(("127.0.0.1", back))
     receiver.settimeout(0.5)
     playout = Playout(
-        Route(f"udp://127.0.0.1:{there}", f"udp://127.0.0.1:{back}"), Cuer(),
-        LiveOptions("standard", 0, -0.43, low_delay=True), told.append,
-    )  # fmt: skip
+        Route(f"udp://127.0.0.1:{there}", f"udp://127.0.0.1:{back}"),
+        Cuer(),
+        LiveOptions("standard", 0, -0.43, low_delay=True),
+        told.append,
+    )
     thread = threading.Thread(target=playout.run)
     thread.start()
     data = (air / "a.ts").read_bytes()
@@ -163,9 +165,11 @@ def test_datagrams_pass_whatever_happens_to_the_marking(
 
 def run_command(*given: str) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(
-        [sys.executable, "-m", "cuecast", "playout", *given], stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        [sys.executable, "-m", "cuecast", "playout", *given],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 @pytest.mark.parametrize("mode", ["--text", "--motion", "programme"])

@@ -43,9 +43,12 @@ from synth.planning.scoring.text_score import Reading
 from watermark.audio.receiver import AudioReceiver
 
 ENCODERS = {
-    "mp2": ("mp2", 192_000), "aac": ("aac", 128_000), "latm": ("aac", 96_000),
-    "ac3": ("ac3", 256_000), "eac3": ("eac3", 192_000),
-}  # fmt: skip
+    "mp2": ("mp2", 192_000),
+    "aac": ("aac", 128_000),
+    "latm": ("aac", 96_000),
+    "ac3": ("ac3", 256_000),
+    "eac3": ("eac3", 192_000),
+}
 
 
 @functools.cache
@@ -296,9 +299,10 @@ def test_a_sound_on_another_pid_is_followed(stream: bytes) -> None:
 def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
     sound = programme()[: 6 * FS]
     marker = SoundMarker(
-        LiveMotion(load_voice("claire"), Reading()), load_voice("claire"),
+        LiveMotion(load_voice("claire"), Reading()),
+        load_voice("claire"),
         LiveOptions("standard", 0, -0.43, low_delay=True),
-    )  # fmt: skip
+    )
     made: list[MarkedPes] = []
     start = PERIOD - 3 * 90_000  # the stamps begin anew on the way
     reader, counter = PesReader(), itertools.count()

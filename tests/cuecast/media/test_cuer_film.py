@@ -89,9 +89,14 @@ def programme(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pictures = [np.zeros((32, 32, 3), np.uint8)] * 50
     captions = [Subtitle(*values) for values in TEXTS]
     write_film(
-        path, tone[:, None], FS, encoder="aac", bit_rate=96_000, pictures=pictures,
+        path,
+        tone[:, None],
+        FS,
+        encoder="aac",
+        bit_rate=96_000,
+        pictures=pictures,
         captions=captions,
-    )  # fmt: skip
+    )
     return path
 
 

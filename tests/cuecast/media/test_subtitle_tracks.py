@@ -116,11 +116,14 @@ CARRIED: dict[str, tuple[str, str, Packets]] = {
     "webvtt": (".mkv", "webvtt", each(lambda text: text.replace("&", "&amp;").encode())),
     "ts document": (".ts", "ttml", [(0.0, 6.0, document(LINES))]),
     "ts segments": (
-        ".ts", "ttml",
-        [(a - 0.2, b - a, segment(document([(a + 70, b + 70, t)]), a - 0.2 + 70, packed=n == 1))
-         for n, (a, b, t) in enumerate(LINES)],
+        ".ts",
+        "ttml",
+        [
+            (a - 0.2, b - a, segment(document([(a + 70, b + 70, t)]), a - 0.2 + 70, packed=n == 1))
+            for n, (a, b, t) in enumerate(LINES)
+        ],
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CARRIED)
@@ -144,9 +147,12 @@ def test_document_in_mp4(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["mov_text", pytest.param("subrip", marks=pytest.mark.slow),
-     pytest.param("ts segments", marks=pytest.mark.slow)],
-)  # fmt: skip
+    [
+        "mov_text",
+        pytest.param("subrip", marks=pytest.mark.slow),
+        pytest.param("ts segments", marks=pytest.mark.slow),
+    ],
+)
 def test_keys_are_those_of_the_file(tmp_path: Path, name: str) -> None:
     suffix, coding, packets = CARRIED[name]
     film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)])
@@ -166,9 +172,13 @@ def test_choice_of_track(tmp_path: Path) -> None:
     one = [(1.0, 1.0, b"Non")]
     film = make(
         tmp_path / "a.mkv",
-        [("subrip", "eng", one), ("dvbsub", "fra", [(1.0, 1.0, b"\x20\x00\x0f")]),
-         ("subrip", "fre", each(str.encode)), ("webvtt", "fra", one)],
-    )  # fmt: skip
+        [
+            ("subrip", "eng", one),
+            ("dvbsub", "fra", [(1.0, 1.0, b"\x20\x00\x0f")]),
+            ("subrip", "fre", each(str.encode)),
+            ("webvtt", "fra", one),
+        ],
+    )
     tracks = text_tracks(film)
     assert [t.coding for t in tracks] == ["SubRip", "DVB bitmaps", "SubRip", "WebVTT"]
     assert choose_track(tracks, None, "a").number == 2
@@ -218,12 +228,16 @@ def test_tables_name_what_a_stream_is() -> None:
     streams = b"".join(
         bytes([kind]) + struct.pack(">HH", 0xE000 | pid, 0xF000 | len(extra)) + extra
         for kind, pid, extra in [
-            (0x1B, 0x100, b""), (0x0F, 0x101, b"\x0a\x04fra\x00"),
-            (0x06, 0x102, b"\x6a\x01\x00\x0a\x04eng\x00"), (0x06, 0x103, b"\x59\x03fra"),
-            (0x06, 0x104, b"\x56\x05fra\x10\x88"), (0x06, 0x105, b"\x7f\x06\x20fra\x00\x00"),
-            (0x06, 0x106, b"\xfd\x03\x00\x08\x3d"), (0x05, 0x107, b""),
+            (0x1B, 0x100, b""),
+            (0x0F, 0x101, b"\x0a\x04fra\x00"),
+            (0x06, 0x102, b"\x6a\x01\x00\x0a\x04eng\x00"),
+            (0x06, 0x103, b"\x59\x03fra"),
+            (0x06, 0x104, b"\x56\x05fra\x10\x88"),
+            (0x06, 0x105, b"\x7f\x06\x20fra\x00\x00"),
+            (0x06, 0x106, b"\xfd\x03\x00\x08\x3d"),
+            (0x05, 0x107, b""),
         ]
-    )  # fmt: skip
+    )
     found = read_map(map_section(streams))
     assert found is not None
     assert found.pcr_pid == 0x100

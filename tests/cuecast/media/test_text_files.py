@@ -33,15 +33,19 @@ def plain(text: str) -> bytes:
         ("SubRip", SPOKEN.encode(), f'<font color="#ff0000">{NOISE}</font>'.encode(), b""),
         ("WebVTT", SPOKEN.encode(), f"<c.red>{NOISE}</c>".encode(), b"WEBVTT"),
         (
-            "WebVTT", SPOKEN.encode(), f"<c.b>{NOISE}</c>".encode(),
+            "WebVTT",
+            SPOKEN.encode(),
+            f"<c.b>{NOISE}</c>".encode(),
             b"WEBVTT\n\nSTYLE\n::cue(.b) { color: red; }\n",
         ),
         (
-            "ASS", f"0,0,Main,,0,0,0,,{SPOKEN}".encode(), f"1,0,Bruit,,0,0,0,,{NOISE}".encode(),
+            "ASS",
+            f"0,0,Main,,0,0,0,,{SPOKEN}".encode(),
+            f"1,0,Bruit,,0,0,0,,{NOISE}".encode(),
             ASS.encode(),
         ),
     ],
-)  # fmt: skip
+)
 def test_what_is_shown_in_red_is_no_speech(
     coding: str, spoken: bytes, noise: bytes, header: bytes
 ) -> None:

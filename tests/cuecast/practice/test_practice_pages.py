@@ -62,9 +62,10 @@ def test_a_learner_gets_items_and_refusals() -> None:
         status, item = await got(session, f"{url}item.json?family=pain&text=main")
         assert status == 200
         for query, message in (
-            ("text=", "nothing in the text"), (f"text={'a' * 700}", "the limit is 600"),
+            ("text=", "nothing in the text"),
+            (f"text={'a' * 700}", "the limit is 600"),
             ("family=pain&text=chien", "pas un des sosies"),
-        ):  # fmt: skip
+        ):
             status, refusal = await got(session, f"{url}item.json?{query}")
             assert status == 400
             assert message in refusal["error"]

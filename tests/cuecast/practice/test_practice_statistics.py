@@ -91,9 +91,11 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Trial:
         {"words": [f"a{i}", f"b{i}"], "motions": {"clear": ["none", "none"]}} for i in range(30)
     ]
     settings = {
-        "hands": plan.hands, "displays": plan.displays, "channels": plan.channels,
+        "hands": plan.hands,
+        "displays": plan.displays,
+        "channels": plan.channels,
         "trials": plan.trials,
-    }  # fmt: skip
+    }
     return Trial(folder, "pairs", "claire", 5, settings, pool)
 
 

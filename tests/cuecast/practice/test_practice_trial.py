@@ -96,9 +96,11 @@ def test_lists_are_balanced_and_come_again(trial: Trial) -> None:
     assert Counter(step.condition for step in steps) == Counter(
         {
             ItemCondition(hand, display, channel): 4
-            for hand in pairs.HANDS for display in pairs.DISPLAYS for channel in pairs.CHANNELS
+            for hand in pairs.HANDS
+            for display in pairs.DISPLAYS
+            for channel in pairs.CHANNELS
         }
-    )  # fmt: skip
+    )
     for condition in {step.condition for step in steps}:
         assert sum(step.target for step in steps if step.condition == condition) == 2
     for step in steps:
@@ -186,15 +188,18 @@ def test_passages_and_conditions_form_a_latin_square(tmp_path: Path) -> None:
     texts.mkdir()
     for name in "abc":
         passage = {
-            "title": name, "sentences": ["Oui.", "Non."],
+            "title": name,
+            "sentences": ["Oui.", "Non."],
             "questions": [{"text": "Quoi ?", "choices": ["oui", "non"], "right": 0}],
-        }  # fmt: skip
+        }
         (texts / f"{name}.json").write_text(json.dumps(passage))
     made = comprehension.prepare(tmp_path, "claire", passages=texts)
     met = Counter(
         (step.item, step.condition.source)
-        for number in range(1, 10) for step in made.steps(number) if step.motion
-    )  # fmt: skip
+        for number in range(1, 10)
+        for step in made.steps(number)
+        if step.motion
+    )
     assert set(met.values()) == {3}
     assert len(met) == 9
     for step in made.steps(4):

@@ -85,9 +85,12 @@ def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion, who
     """  # noqa: E501
     times, few = np.arange(-1.0, SECONDS, 0.11), np.array([0.3, 1.9, 3.1, SECONDS - 1.2])
     data = {
-        "voice": voice_document(VOICE), "params": spoken.params.tolist(), "rate": RATE_HZ,
-        "times": times.tolist(), "few": few.tolist(),
-    }  # fmt: skip
+        "voice": voice_document(VOICE),
+        "params": spoken.params.tolist(),
+        "rate": RATE_HZ,
+        "times": times.tolist(),
+        "few": few.tolist(),
+    }
     said, poses = run_node(tmp_path, script, data)
     sample = partial(sample_params, spoken)
     added = express(VOICE, sample, times)

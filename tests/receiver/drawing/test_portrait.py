@@ -40,9 +40,14 @@ def scene(triangles: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.in
 
 
 def drawn(
-    points: NDArray[np.float32], triangles: NDArray[np.int32], values: NDArray[np.float32],
-    kinds: NDArray[np.uint8] | None = None, ground: int = 0, *, as_python: bool = False,
-) -> NDArray[np.uint8]:  # fmt: skip
+    points: NDArray[np.float32],
+    triangles: NDArray[np.int32],
+    values: NDArray[np.float32],
+    kinds: NDArray[np.uint8] | None = None,
+    ground: int = 0,
+    *,
+    as_python: bool = False,
+) -> NDArray[np.uint8]:
     picture = np.full((40, 24, 3), ground, np.uint8)
     function = draw_triangles.py_func if as_python else draw_triangles
     kinds = np.zeros(len(triangles), np.uint8) if kinds is None else kinds
@@ -169,10 +174,14 @@ def test_map_of_the_shadow_is_soft() -> None:
 def test_the_shadow_on_the_throat_is_no_finger(shape: int) -> None:
     """It darkens what is beside the hand, and has no edge."""
     table = VOICE.gestures
-    params = np.concatenate([
-        np.zeros(7), table.shape_targets[shape], table.neutral_head,
-        table.placement_targets[shape, PLACEMENTS.index("throat")],
-    ])  # fmt: skip
+    params = np.concatenate(
+        [
+            np.zeros(7),
+            table.shape_targets[shape],
+            table.neutral_head,
+            table.placement_targets[shape, PLACEMENTS.index("throat")],
+        ]
+    )
     camera, start = neutral_camera(VOICE), len(AVATAR.head.sources)
     portrait, vertices = Portrait(AVATAR, camera), AVATAR.place(params[None])[0]
     hand = maximum_filter(outline(vertices[start:], camera, 360, 310), 3)
@@ -213,10 +222,14 @@ def test_every_shape_is_distinct_at_every_placement() -> None:
             continue
         tiles, outlines = [], []
         for shape in range(1, 9):
-            params = np.concatenate([
-                np.zeros(7), table.shape_targets[shape], table.neutral_head,
-                table.placement_targets[shape, place],
-            ])  # fmt: skip
+            params = np.concatenate(
+                [
+                    np.zeros(7),
+                    table.shape_targets[shape],
+                    table.neutral_head,
+                    table.placement_targets[shape, place],
+                ]
+            )
             tile = np.full((210, 180, 3), 24, np.uint8)
             vertices = AVATAR.place(params[None])[0]
             portrait.draw(tile, vertices)

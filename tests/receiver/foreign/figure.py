@@ -15,8 +15,13 @@ SHAPES = ("jawOpen", "mouthPucker", "mouthUpperUp", "mouthLowerDown", "mouthStre
           "mouthStretchRight", "mouthRollLower", "eyeBlinkLeft", "browInnerUp")  # fmt: skip
 VISEMES = {"A": "a", "I": "i", "U": "u", "E": "e", "O": "o"}
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
-LENGTHS = {"Thumb": (34, 30, 26), "Index": (42, 26, 22), "Middle": (46, 29, 23),
-           "Ring": (42, 27, 22), "Little": (34, 20, 19)}  # fmt: skip
+LENGTHS = {
+    "Thumb": (34, 30, 26),
+    "Index": (42, 26, 22),
+    "Middle": (46, 29, 23),
+    "Ring": (42, 27, 22),
+    "Little": (34, 20, 19),
+}
 
 
 @dataclass
@@ -41,10 +46,12 @@ class Part:
             one /= np.linalg.norm(one)
             two = np.cross(way, one) / np.linalg.norm(way)
             turns = 2 * np.pi * np.arange(sides) / sides
-            rows.append([
-                self.add(np.array(at) + radius * (np.cos(t) * one + np.sin(t) * two), bone)
-                for t in turns
-            ])  # fmt: skip
+            rows.append(
+                [
+                    self.add(np.array(at) + radius * (np.cos(t) * one + np.sin(t) * two), bone)
+                    for t in turns
+                ]
+            )
         for low, high in itertools.pairwise(rows):
             for k in range(sides):
                 a, b, c, d = low[k], low[k - 1], high[k - 1], high[k]
@@ -133,10 +140,15 @@ def _face(part: Part) -> None:
 
 
 def figure(
-    kind: str = "arkit", *, unit: float = 0.001, turn: FloatArray | None = None, down: float = 0.0,
-    without: tuple[str, ...] = (), material: dict[str, Any] | None = None,
+    kind: str = "arkit",
+    *,
+    unit: float = 0.001,
+    turn: FloatArray | None = None,
+    down: float = 0.0,
+    without: tuple[str, ...] = (),
+    material: dict[str, Any] | None = None,
     picture: bytes = b"",
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Return a file.
 
     Parameters
@@ -177,15 +189,21 @@ def figure(
             part.tube([*spots, (place[f"{side}{finger}Tip"], chain[2])], 8, 6)
     named = {name: parent_at for name, parent_at in skeleton.items() if not name.endswith("Tip")}
     return _file(
-        part, {n: x for n, x in named.items() if n not in without}, kind, (unit, turn),
+        part,
+        {n: x for n, x in named.items() if n not in without},
+        kind,
+        (unit, turn),
         (material or {}, picture),
-    )  # fmt: skip
+    )
 
 
 def _file(
-    part: Part, skeleton: dict[str, tuple[str | None, FloatArray]], kind: str,
-    frame: tuple[float, FloatArray | None], look: tuple[dict[str, Any], bytes],
-) -> bytes:  # fmt: skip
+    part: Part,
+    skeleton: dict[str, tuple[str | None, FloatArray]],
+    kind: str,
+    frame: tuple[float, FloatArray | None],
+    look: tuple[dict[str, Any], bytes],
+) -> bytes:
     unit, turn = frame
     axes = unit * (np.eye(3) if turn is None else turn)
     data, views, accessors = bytearray(), [], []
@@ -193,9 +211,9 @@ def _file(
     def add(values: Any, code: int, form: str) -> int:
         array = np.ascontiguousarray(values, {5126: "<f4", 5123: "<u2", 5121: "u1"}[code])
         views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
-        accessors.append({
-            "bufferView": len(views) - 1, "componentType": code, "count": len(array), "type": form,
-        })  # fmt: skip
+        accessors.append(
+            {"bufferView": len(views) - 1, "componentType": code, "count": len(array), "type": form}
+        )
         data.extend(array.tobytes() + bytes(-array.nbytes % 4))
         return len(accessors) - 1
 
@@ -212,9 +230,10 @@ def _file(
         targets.append({"POSITION": add(moved, 5126, "VEC3")})
     points = np.array(part.points) @ axes.T
     attributes = {
-        "POSITION": add(points, 5126, "VEC3"), "JOINTS_0": add(joints, 5121, "VEC4"),
+        "POSITION": add(points, 5126, "VEC3"),
+        "JOINTS_0": add(joints, 5121, "VEC4"),
         "WEIGHTS_0": add(weights, 5126, "VEC4"),
-    }  # fmt: skip
+    }
     if look[1]:
         flat = np.array(part.points)
         places = np.stack([flat[:, 0] / 160 + 0.5, 0.5 + 0 * flat[:, 0]], axis=1)
@@ -238,12 +257,17 @@ def _file(
     binds = add(bind.transpose(0, 2, 1).reshape(-1, 16), 5126, "MAT4")
     colour: dict[str, Any] = {"baseColorFactor": [0.7, 0.4, 0.3, 1]}
     document: dict[str, Any] = {
-        "asset": {"version": "2.0"}, "scene": 0, "nodes": nodes, "meshes": [mesh],
-        "scenes": [{"nodes": [*roots, len(nodes) - 1]}], "accessors": accessors,
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "nodes": nodes,
+        "meshes": [mesh],
+        "scenes": [{"nodes": [*roots, len(nodes) - 1]}],
+        "accessors": accessors,
         "skins": [{"joints": list(range(len(names))), "inverseBindMatrices": binds}],
         "materials": [{"pbrMetallicRoughness": colour, **look[0]}],
-        "bufferViews": views, "buffers": [{"byteLength": len(data)}],
-    }  # fmt: skip
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
     if look[1]:
         colour["baseColorTexture"] = {"index": 0}
         document |= {"textures": [{"source": 0}], "images": [{"bufferView": len(views)}]}
@@ -261,11 +285,15 @@ def container(document: dict[str, Any], data: bytes) -> bytes:
     """Return a binary glTF file."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
-    return b"".join([
-        struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data)),
-        struct.pack("<I4s", len(text), b"JSON"), text,
-        struct.pack("<I4s", len(data), b"BIN\0"), data,
-    ])  # fmt: skip
+    return b"".join(
+        [
+            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data)),
+            struct.pack("<I4s", len(text), b"JSON"),
+            text,
+            struct.pack("<I4s", len(data), b"BIN\0"),
+            data,
+        ]
+    )
 
 
 def _mixamo(name: str) -> str:
@@ -299,18 +327,26 @@ def _vrm(kind: str, names: list[str], shapes: list[str]) -> dict[str, Any]:
             "authors": ["A. Test", "B"],
             "licenseUrl": "https://vrm.dev/licenses/1.0/",
         }
-        return {"VRMC_vrm": {
-            "specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": human},
-            "expressions": {"preset": {}, "custom": custom},
-        }}  # fmt: skip
+        return {
+            "VRMC_vrm": {
+                "specVersion": "1.0",
+                "meta": meta,
+                "humanoid": {"humanBones": human},
+                "expressions": {"preset": {}, "custom": custom},
+            }
+        }
     presets = {"aa": "a", "ou": "u"}
     groups = [
-        {"name": name.title() if name in presets else name[:1].upper() + name[1:],
-         "presetName": presets.get(name, "unknown"),
-         "binds": [{"mesh": 0, "index": i, "weight": 100}]}
+        {
+            "name": name.title() if name in presets else name[:1].upper() + name[1:],
+            "presetName": presets.get(name, "unknown"),
+            "binds": [{"mesh": 0, "index": i, "weight": 100}],
+        }
         for i, name in enumerate(shapes)
-    ]  # fmt: skip
-    return {"VRM": {
-        "humanoid": {"humanBones": [{"bone": n, "node": i} for n, i in numbers.items()]},
-        "blendShapeMaster": {"blendShapeGroups": groups},
-    }}  # fmt: skip
+    ]
+    return {
+        "VRM": {
+            "humanoid": {"humanBones": [{"bone": n, "node": i} for n, i in numbers.items()]},
+            "blendShapeMaster": {"blendShapeGroups": groups},
+        }
+    }

@@ -107,11 +107,7 @@ def test_bones_bring_every_joint_of_the_hand_to_hers() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "options"),
-    [
-        ("vrm0", {"turn": BACK}),
-        ("vrm1", {"unit": 0.1, "turn": Z_UP}),
-        ("arkit", {"down": 0.9}),
-    ],
+    [("vrm0", {"turn": BACK}), ("vrm1", {"unit": 0.1, "turn": Z_UP}), ("arkit", {"down": 0.9})],
 )
 def test_files_of_one_figure_give_one_figure(
     plain: tuple[Avatar, Fit], tmp_path: Path, kind: str, options: dict[str, object]

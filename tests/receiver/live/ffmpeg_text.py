@@ -23,17 +23,24 @@ _SIZE, _TIME_BASE = b"720x576", b"1/1000"
 class _Rect(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_int) for name in ("x", "y", "w", "h", "nb_colors")),
-        ("data", ctypes.c_void_p * 4), ("linesize", ctypes.c_int * 4), ("flags", ctypes.c_int),
-        ("type", ctypes.c_int), ("text", ctypes.c_char_p), ("ass", ctypes.c_char_p),
-    )  # fmt: skip
+        ("data", ctypes.c_void_p * 4),
+        ("linesize", ctypes.c_int * 4),
+        ("flags", ctypes.c_int),
+        ("type", ctypes.c_int),
+        ("text", ctypes.c_char_p),
+        ("ass", ctypes.c_char_p),
+    )
 
 
 class _Subtitle(ctypes.Structure):
     _fields_ = (
-        ("format", ctypes.c_uint16), ("start", ctypes.c_uint32), ("end", ctypes.c_uint32),
-        ("num_rects", ctypes.c_uint), ("rects", ctypes.POINTER(ctypes.POINTER(_Rect))),
+        ("format", ctypes.c_uint16),
+        ("start", ctypes.c_uint32),
+        ("end", ctypes.c_uint32),
+        ("num_rects", ctypes.c_uint),
+        ("rects", ctypes.POINTER(ctypes.POINTER(_Rect))),
         ("pts", ctypes.c_int64),
-    )  # fmt: skip
+    )
 
 
 def _library(name: str) -> ctypes.CDLL:

@@ -68,9 +68,9 @@ def pictures_of(media: bytes) -> Iterator[av.VideoFrame]:
 
 
 def motion_starts(happenings: list[Happening]) -> list[float]:
-    return sorted({
-        round(h.start_s, 2) for h in happenings if isinstance(h, MotionPiece) and h.layers
-    })  # fmt: skip
+    return sorted(
+        {round(h.start_s, 2) for h in happenings if isinstance(h, MotionPiece) and h.layers}
+    )
 
 
 def wrong_keys(happenings: list[Happening]) -> list[Key]:
@@ -236,9 +236,7 @@ class Stumbling(BytesIO):
 
 def test_a_line_that_fails_is_opened_again_and_told_found() -> None:
     happenings: list[Happening] = []
-    broadcast = Broadcast(
-        Stumbling(stream()), VOICE, happenings.append, format="mpegts", once=True
-    )  # fmt: skip
+    broadcast = Broadcast(Stumbling(stream()), VOICE, happenings.append, format="mpegts", once=True)
     broadcast.run()
     figures = broadcast.metrics.document()
     assert figures["connections_total"] == 2

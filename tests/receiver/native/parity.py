@@ -29,8 +29,10 @@ CHAINS: dict[str, list[tuple[str, int]]] = {
 CONTAINERS = {"aac": "adts", "mp2": "mp2", "ac3": "ac3"}
 EXCERPTS = [
     *((name, at) for name in ("film_mix", "pop_vocal", "speech_fr_m_lv") for at in (0, 13, 26)),
-    ("classical_strings", 0), ("classical_strings", 20), ("speech_fr_f_lv", 5),
-]  # fmt: skip
+    ("classical_strings", 0),
+    ("classical_strings", 20),
+    ("speech_fr_f_lv", 5),
+]
 """Clips of ../shared/data/audio and the second at which each excerpt begins."""
 
 

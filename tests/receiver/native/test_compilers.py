@@ -53,6 +53,8 @@ def test_valgrind_is_silent(tmp_path: Path) -> None:
     for command in (fuzz, hear):
         done = subprocess.run(
             [valgrind, "--quiet", "--error-exitcode=9", *command],
-            input=sound.astype("<f4").tobytes(), capture_output=True, check=False,
-        )  # fmt: skip
+            input=sound.astype("<f4").tobytes(),
+            capture_output=True,
+            check=False,
+        )
         assert done.returncode == 0, done.stderr.decode()[-3000:]

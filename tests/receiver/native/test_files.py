@@ -48,14 +48,18 @@ def test_a_file_gives_keys_and_motion(folder: Path, name: str) -> None:
     assert code == 0
     keys = [
         (round(50 * e["time_s"]), round(50 * e["duration_s"]), 6 * e["shape"] + e["placement"])
-        for e in events if e["kind"] == "key"
-    ]  # fmt: skip
+        for e in events
+        if e["kind"] == "key"
+    ]
     assert motion.score is not None
     assert keys == [
-        (round(50 * k.start), round(50 * (k.end - k.start)),
-         6 * k.shape + PLACEMENT_NUMBER[k.placement])
+        (
+            round(50 * k.start),
+            round(50 * (k.end - k.start)),
+            6 * k.shape + PLACEMENT_NUMBER[k.placement],
+        )
         for k in motion.score.keys
-    ]  # fmt: skip
+    ]
     assert [e["phone"] for e in events if e["kind"] == "phone"] == [
         phone[0] for phone in CASES[name]["line"] if phone[0]
     ]
@@ -86,10 +90,12 @@ def test_what_is_no_file_is_explained(folder: Path) -> None:
     data = file_of("drawn-fixed")
     other = head(32, 96, 16 * "0") + data[26:-4]
     for wrong, words in (
-        (b"<html>not found</html>", "violates F1"), (b"<html>" + bytes(50), "violates F2"),
-        (data[:-2], "violates F7"), (data[:5] + bytes(8) + data[13:], "violates F4"),
+        (b"<html>not found</html>", "violates F1"),
+        (b"<html>" + bytes(50), "violates F2"),
+        (data[:-2], "violates F7"),
+        (data[:5] + bytes(8) + data[13:], "violates F4"),
         (other + zlib.crc32(other).to_bytes(4, "big"), "the voice that it was made with"),
-    ):  # fmt: skip
+    ):
         code, events, error = read(folder, wrong)
         assert (code, events) == (3, [])
         assert words in error

@@ -30,8 +30,10 @@ def test_keys_of_marked_sound(tmp_path: Path) -> None:
     events += box.flush()
     own = {
         (round(key.start * 50), round((key.end - key.start) * 50), key.shape, key.placement)
-        for e in events if isinstance(e, KeysFound) and e.final for key in e.keys
-    }  # fmt: skip
+        for e in events
+        if isinstance(e, KeysFound) and e.final
+        for key in e.keys
+    }
     command = [built("cue_dec"), "--channels", "1", "--voice", str(tmp_path / "voice.bin")]
     done = subprocess.run(command, input=sound.tobytes(), capture_output=True, check=True)
     found, frames = set(), dict[float, int]()

@@ -47,16 +47,23 @@ def launch(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     folder = tmp_path_factory.mktemp("gst")
     build_plugin(["cc", "-Werror"], folder)
     return [
-        "env", f"GST_PLUGIN_PATH={folder}", f"GST_REGISTRY={folder / 'registry'}",
-        "gst-launch-1.0", "-q",
-    ]  # fmt: skip
+        "env",
+        f"GST_PLUGIN_PATH={folder}",
+        f"GST_REGISTRY={folder / 'registry'}",
+        "gst-launch-1.0",
+        "-q",
+    ]
 
 
 def run(launch: list[str], pipeline: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*launch, *pipeline.split()], capture_output=True, text=True, timeout=100, check=False,
+        [*launch, *pipeline.split()],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
         env=dict(os.environ),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.slow
@@ -71,8 +78,10 @@ def test_keys_as_subtitles(launch: list[str], tmp_path: Path) -> None:
     events = [*box.process(sound), *box.flush()]
     own = [
         (key.start, f"{''.join(key.phones)} {key.shape} {key.placement}\n")
-        for e in events if isinstance(e, KeysFound) and e.final for key in e.keys
-    ]  # fmt: skip
+        for e in events
+        if isinstance(e, KeysFound) and e.final
+        for key in e.keys
+    ]
     assert len(own) > 10
     done = run(
         launch,

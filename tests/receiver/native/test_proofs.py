@@ -41,10 +41,13 @@ def public(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("lost", "changed", "clock_s", "first"),
     [
-        ([], [], 2.0, 3), ([20, 40], [50], 2.0, 0), ([], [], None, 5),
-        ([31, 33], [7], None, 0), ([], [], 40.0, 0),
+        ([], [], 2.0, 3),
+        ([20, 40], [50], 2.0, 0),
+        ([], [], None, 5),
+        ([31, 33], [7], None, 0),
+        ([], [], 40.0, 0),
     ],
-)  # fmt: skip
+)
 def test_the_verdicts_of_the_toolkit(
     public: Path, lost: list[int], changed: list[int], clock_s: float | None, first: int
 ) -> None:
@@ -76,10 +79,14 @@ def test_files_that_are_not_trusted(public: Path) -> None:
     assert other_name != text
     with Program([built("cue_conform")]) as program:
         for wrong, section in (
-            (spaced, ""), (text[:-9], "E15"), (other_name, "E16"), ("[" * 5000, "E15"), ("", "E15"),
+            (spaced, ""),
+            (text[:-9], "E15"),
+            (other_name, "E16"),
+            ("[" * 5000, "E15"),
+            ("", "E15"),
             (text.replace("public_key", "key"), "E15"),
             (text.replace('"until": ', '"until": 1'), "E15"),
-        ):  # fmt: skip
+        ):
             answer = program.ask("trust", file=wrong.encode().hex())
             assert answer.get("section", "") == section
             assert answer["trusted"] is (section == "")

@@ -162,10 +162,12 @@ def test_the_lit_key_is_the_one_that_the_hand_shows(tmp_path: Path, reads: bool)
     cuer = GestureSynthesiser(rate_hz=rate_hz)
     times = np.arange(frames) / rate_hz
     document = {
-        "voice": voice_document(voice), "keys": [key.as_dict() for key in score.keys],
+        "voice": voice_document(voice),
+        "keys": [key.as_dict() for key in score.keys],
         "params": cuer.motion(score, 0.0, frames, voice).params.tolist(),
-        "times": times.tolist(), "reads": reads,
-    }  # fmt: skip
+        "times": times.tolist(),
+        "reads": reads,
+    }
     lit = np.array(run_node(tmp_path, LIT, document))
     shown, right = agreement(lit, times, cuer, score)
     assert shown > 0.6 * frames
@@ -215,8 +217,9 @@ def test_the_page_times_strokes_as_the_decoder_does(tmp_path: Path) -> None:
         console.log(JSON.stringify(strokes.map(({ leave, reach }) => [leave, reach])));
     """
     document = {
-        "keys": [key.as_dict() for key in keys], "movement": voice_document(voice)["movement"],
-    }  # fmt: skip
+        "keys": [key.as_dict() for key in keys],
+        "movement": voice_document(voice)["movement"],
+    }
     found = np.array(run_node(tmp_path, script, document))
     assert len(expected) == len(keys)
     np.testing.assert_allclose(found, np.array(expected) / PARTS_PER_S, atol=TICK_S)

@@ -45,9 +45,8 @@ def quick() -> Iterator[None]:
 @cache
 def encoded(*, signed: bool) -> list[Superframe]:
     encoder = SuperframeEncoder(
-        VOICE, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes, protected=True,
-        signed=signed,
-    )  # fmt: skip
+        VOICE, l0_bytes=STANDARD.l0_bytes, l1_bytes=STANDARD.l1_bytes, protected=True, signed=signed
+    )
     return [encoder.encode(MOTION, k + 2) for k in range(COUNT)]
 
 
@@ -192,9 +191,13 @@ def test_a_broadcast_is_held_back_and_told(monkeypatch: pytest.MonkeyPatch) -> N
     asyncio.run(main())
     told = json.loads(sent[0][1])
     assert told == {
-        "type": "authenticity", "time_s": 1.0, "status": "verified", "of": "channel 0",
-        "reason": "", "age_s": None,
-    }  # fmt: skip
+        "type": "authenticity",
+        "time_s": 1.0,
+        "status": "verified",
+        "of": "channel 0",
+        "reason": "",
+        "age_s": None,
+    }
 
 
 @pytest.mark.parametrize(("late_s", "status"), [(2.0, "verified"), (600.0, "forged")])

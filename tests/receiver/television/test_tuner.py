@@ -25,7 +25,7 @@ def states_of(tuner: ProgrammeTuner, start_s: float) -> list[tuple[float, str]]:
 @pytest.mark.parametrize(
     ("sound", "looked_from_s"),
     [({0: "locked"}, None), ({}, 0.0), ({0: "locked", 9: "lost"}, 9 - PREROLL_S)],
-)  # fmt: skip
+)
 def test_the_picture_is_looked_at_where_the_sound_has_no_cuer(
     monkeypatch: pytest.MonkeyPatch, sound: dict[int, State], looked_from_s: float | None
 ) -> None:

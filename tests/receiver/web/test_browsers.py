@@ -100,10 +100,7 @@ async def ready(page: Tab, script: str = WATCH) -> None:
 
 def test_every_key_in_time(browse: Browse, site: Path, sent: Sent, tmp_path: Path) -> None:
     async def run() -> None:
-        async with (
-            http_server(site) as address,
-            browse(f"{address}/index.html", 960, 540) as page,
-        ):
+        async with http_server(site) as address, browse(f"{address}/index.html", 960, 540) as page:
             await ready(page)
             await page.evaluate(f"void {MEDIA}.play()")
             await page.until(f"{MEDIA}.currentTime > 5")
@@ -129,10 +126,7 @@ def test_every_key_in_time(browse: Browse, site: Path, sent: Sent, tmp_path: Pat
 
 def test_pause_seek_rates_and_a_hidden_tab(browse: Browse, site: Path, sent: Sent) -> None:
     async def run() -> None:
-        async with (
-            serving(site, []) as address,
-            browse(f"{address}/index.html", 960, 540) as page,
-        ):
+        async with serving(site, []) as address, browse(f"{address}/index.html", 960, 540) as page:
             await ready(page)
             await page.evaluate(f"void {MEDIA}.play()")
             await page.until(f"{MEDIA}.currentTime > 6")

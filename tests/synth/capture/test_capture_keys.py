@@ -107,9 +107,13 @@ def test_fingers_that_change_alone_tell_when_a_key_is_reached() -> None:
 def test_a_sound_alone_begins_when_the_hand_arrives() -> None:
     held = [HeldKey(3, 1, 0.5, 0.8, 0.9), HeldKey(6, 1, 1.0, 1.2, 0.9)]
     score = score_of(
-        held, VOICE, np.zeros((100, len(VOICE.layout))), rate_hz=RATE_HZ, start_s=2.0,
+        held,
+        VOICE,
+        np.zeros((100, len(VOICE.layout))),
+        rate_hz=RATE_HZ,
+        start_s=2.0,
         given=[("s",), ("w", "a")],
-    )  # fmt: skip
+    )
     assert [round(key.start, 3) for key in score.keys] == [2.5, 2.967]
     assert score.keys[0].end == score.keys[1].start
 
@@ -135,9 +139,10 @@ def test_closures_tell_the_shapes_and_grow_to_scale() -> None:
     half = targets[5] + 0.5 * (targets - targets[5])
     takes = np.tile(half.astype(float), (20, 1))
     better = closures(VOICE, rescaled(VOICE, takes, np.ones(len(takes), dtype=bool))[: len(SHAPES)])
-    assert np.abs(better[:, 1:5] - plain[:, 1:5]).mean() < 0.5 * np.abs(
-        closures(VOICE, half)[:, 1:5] - plain[:, 1:5]
-    ).mean()  # fmt: skip
+    assert (
+        np.abs(better[:, 1:5] - plain[:, 1:5]).mean()
+        < 0.5 * np.abs(closures(VOICE, half)[:, 1:5] - plain[:, 1:5]).mean()
+    )
     few = takes[:9]
     np.testing.assert_array_equal(rescaled(VOICE, few, np.ones(9, dtype=bool)), few)
 

@@ -70,10 +70,12 @@ def keys_right(found: Captured) -> float:
     got = found.motion.score.keys
     true = files.score().keys
     right = [
-        any((s.shape, s.placement) == (k.shape, k.placement) and abs(s.start - k.start) < 0.12
-            for s in got)
+        any(
+            (s.shape, s.placement) == (k.shape, k.placement) and abs(s.start - k.start) < 0.12
+            for s in got
+        )
         for k in true
-    ]  # fmt: skip
+    ]
     return sum(right) / len(right)
 
 

@@ -148,8 +148,11 @@ def test_a_scaled_body_is_laid_on_itself() -> None:
     away = rigid.rigid_motion(body, [1.0, -2.0, 0.5, 300.0, 0.0, -50.0])[::-1] * 0.001
     fit = lay(away, [body + 500.0, body], spread_turns(60), free_scale=True)[0]
     assert fit.scale == pytest.approx(1000.0)
-    np.testing.assert_allclose(np.sort(fit.apply(away)), np.sort(
-        (body + (500.0 if fit.template == 0 else 0.0))[::-1]), atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        np.sort(fit.apply(away)),
+        np.sort((body + (500.0 if fit.template == 0 else 0.0))[::-1]),
+        atol=1e-6,
+    )
 
 
 def test_a_proposed_map_serves_a_capture(

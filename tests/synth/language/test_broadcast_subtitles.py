@@ -36,10 +36,14 @@ def ttml(*paragraphs: str, lines: bool = True) -> bytes:
     styles = "".join(
         f'<style xml:id="{name}" tts:color="{value}"/>'
         for name, value in (
-            ("w", "#ffffff"), ("r", "#ff0000ff"), ("m", "magenta"), ("g", "rgb(0,255,0)"),
-            ("c", "#00ffff"), ("y", "#FFFF00"),
+            ("w", "#ffffff"),
+            ("r", "#ff0000ff"),
+            ("m", "magenta"),
+            ("g", "rgb(0,255,0)"),
+            ("c", "#00ffff"),
+            ("y", "#FFFF00"),
         )
-    )  # fmt: skip
+    )
     return (
         '<?xml version="1.0" encoding="UTF-8"?><tt xmlns="http://www.w3.org/ns/ttml" '
         'xmlns:tts="http://www.w3.org/ns/ttml#styling" xml:lang="fr"><head><styling>'
@@ -51,10 +55,14 @@ def ttml(*paragraphs: str, lines: bool = True) -> bytes:
 def stl(*texts: bytes) -> bytes:
     header = bytearray(b" " * 1024)
     for offset, value in (
-        (0, b"850STL25.011000F"), (224, b"26112126112100"), (238, b"%05d" % len(texts)),
-        (243, b"%05d" % len(texts)), (248, b"0014023110000000"),
-        (256, b"00000000"), (264, b"11FRA"),
-    ):  # fmt: skip
+        (0, b"850STL25.011000F"),
+        (224, b"26112126112100"),
+        (238, b"%05d" % len(texts)),
+        (243, b"%05d" % len(texts)),
+        (248, b"0014023110000000"),
+        (256, b"00000000"),
+        (264, b"11FRA"),
+    ):
         header[offset : offset + len(value)] = value
     data = bytes(header)
     for number, text in enumerate(texts):

@@ -12,9 +12,13 @@ ALIKE = str.maketrans({"ɔ": "o", "ɛ": "e", "ø": "œ", "ə": None})
 """Vowels that speakers choose between are alike; ɔ̃ keeps its tilde."""
 
 LEAST = {
-    "capitals": 0.92, "colloquial": 0.92, "spaces": 0.92, "names": 0.9, "numbers": 0.92,
+    "capitals": 0.92,
+    "colloquial": 0.92,
+    "spaces": 0.92,
+    "names": 0.9,
+    "numbers": 0.92,
     "links": 0.92,
-}  # fmt: skip
+}
 """Share of exact phrases of each class."""
 
 

@@ -10,9 +10,11 @@ from synth.language.subtitles.findings import LeftOut
 from synth.language.subtitles.language import languages
 from synth.language.subtitles.read import Terms, parse_subtitles
 
-A, B, C = "1\n00:00:01,000 --> 00:00:02,000\nOui.\n", "2\n%s\nBonjour.\n", (
-    "3\n00:00:05,000 --> 00:00:06,000\nÀ demain.\n"
-)  # fmt: skip
+A, B, C = (
+    "1\n00:00:01,000 --> 00:00:02,000\nOui.\n",
+    "2\n%s\nBonjour.\n",
+    ("3\n00:00:05,000 --> 00:00:06,000\nÀ demain.\n"),
+)
 WHOLE = {1.0: "Oui.", 3.0: "Bonjour.", 5.0: "À demain."}
 REST = {1.0: "Oui.", 5.0: "À demain."}
 
@@ -53,9 +55,14 @@ Dialogue: 0,0:00:05.00,0:00:06.00,Main,,0,0,0,,À demain.
 def stl(*blocks: tuple[bytes, bytes, bytes], tcp: bytes = b"10000000") -> bytes:
     header = bytearray(b" " * 1024)
     for offset, value in (
-        (0, b"850STL25.010000F"), (224, b"26112126112100"), (238, b"%05d" % len(blocks)),
-        (243, b"%05d" % len(blocks)), (248, b"0014023110000000"), (256, tcp), (264, b"11FRA"),
-    ):  # fmt: skip
+        (0, b"850STL25.010000F"),
+        (224, b"26112126112100"),
+        (238, b"%05d" % len(blocks)),
+        (243, b"%05d" % len(blocks)),
+        (248, b"0014023110000000"),
+        (256, tcp),
+        (264, b"11FRA"),
+    ):
         header[offset : offset + len(value)] = value
     data = bytes(header)
     for number, (begin, end, text) in enumerate(blocks):

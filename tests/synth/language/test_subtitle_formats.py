@@ -27,9 +27,13 @@ def stl(*blocks: tuple[bytes, bytes, bytes]) -> bytes:
     """Return an EBU STL file of (time in, time out, text) blocks that starts at ten o'clock."""
     header = bytearray(b" " * 1024)
     for offset, field in (
-        (0, b"850STL25.01100000F"), (224, b"26112126112100"), (238, b"%05d" % len(blocks)),
-        (243, b"%05d" % len(blocks)), (248, b"0014023110000000"), (264, b"1000000011FRA"),
-    ):  # fmt: skip
+        (0, b"850STL25.01100000F"),
+        (224, b"26112126112100"),
+        (238, b"%05d" % len(blocks)),
+        (243, b"%05d" % len(blocks)),
+        (248, b"0014023110000000"),
+        (264, b"1000000011FRA"),
+    ):
         header[offset : offset + len(field)] = field
     data = bytes(header)
     for number, (begin, end, text) in enumerate(blocks):
@@ -54,8 +58,9 @@ def test_ttml_in_utf16_and_timed_spans() -> None:
     )
     found = parse_subtitles(timed.encode("utf-16"))
     assert [(s.start_s, s.end_s, s.text) for s in found[1:]] == [
-        (3.0, 3.5, "Oui,"), (3.5, 4.0, "non."),
-    ]  # fmt: skip
+        (3.0, 3.5, "Oui,"),
+        (3.5, 4.0, "non."),
+    ]
 
 
 def test_stl_counts_from_the_programme_start() -> None:
@@ -107,7 +112,8 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
         "line 2: a document type declaration",
     ),
     "external entity": (
-        b'<!DOCTYPE tt SYSTEM "file:///etc/passwd"><tt/>', "line 1: a document type declaration",
+        b'<!DOCTYPE tt SYSTEM "file:///etc/passwd"><tt/>',
+        "line 1: a document type declaration",
     ),
     "undefined entity": (TTML.replace("Oui", "&x;").encode(), "line 9: malformed XML: undefined"),
     "not timed text": (b"<html><body/></html>", "line 1: the document's root is 'html'"),
@@ -126,7 +132,7 @@ MALFORMED: dict[str, tuple[bytes, str]] = {
     "stl end first": (stl((OUT, IN, b"Oui")), "line 1: subtitle ends at (10, 0, 1, 0)"),
     "stl time": (stl((IN, b"\x0a\x4d\0\0", b"Oui")), "line 1: malformed time 10:77:0:0 in its"),
     "stl fields": (STL[:238] + b"\xff" * 30 + STL[268:], "line 1: malformed EBU STL"),
-}  # fmt: skip
+}
 
 
 def test_there_are_forty_kinds() -> None:

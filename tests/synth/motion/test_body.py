@@ -256,9 +256,11 @@ def test_markers_are_evenly_spaced() -> None:
 def test_normals_point_out_of_the_skin() -> None:
     body = load_body()
     still = BodyPose(
-        np.zeros((1, len(body.unit_names))), np.zeros((1, 6)),
-        np.zeros((1, len(HAND_ANGLES))), np.zeros((1, 6)),
-    )  # fmt: skip
+        np.zeros((1, len(body.unit_names))),
+        np.zeros((1, 6)),
+        np.zeros((1, len(HAND_ANGLES))),
+        np.zeros((1, 6)),
+    )
     normals = body.normals(still)[0]
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=0.05)
     assert normals[MARKER_NUMBER["FH0"], 2] > 0.7

@@ -65,9 +65,12 @@ def test_joints_come_from_the_strategy_not_from_the_default(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     "changes",
-    [{"tail": {"strategy": "ELSEWHERE"}}, {"tail": {"strategy": "CUBE", "cube_name": "none"}},
-     {"obj": "v 0 0\nv x y z\n"}],
-)  # fmt: skip
+    [
+        {"tail": {"strategy": "ELSEWHERE"}},
+        {"tail": {"strategy": "CUBE", "cube_name": "none"}},
+        {"obj": "v 0 0\nv x y z\n"},
+    ],
+)
 def test_malformed_meshes_are_refused(tmp_path: Path, changes: dict[str, Any]) -> None:
     write_mesh(tmp_path, **changes)
     with pytest.raises(CueError, match="not the hm08 mesh"):

@@ -132,8 +132,13 @@ def spoken_programme(
     delay_s: float, *, snr_db: float = 60.0
 ) -> tuple[list[Subtitle], NDArray[np.float64]]:
     """Return subtitles and what a synthetic voice says, later than they tell, over a chord."""
-    texts = (VERSE, "Il fait beau.", "Le chat mange une souris, sous la table du jardin.",
-             "Nous partons demain matin.", "Vraiment, tu ne le savais pas ?")  # fmt: skip
+    texts = (
+        VERSE,
+        "Il fait beau.",
+        "Le chat mange une souris, sous la table du jardin.",
+        "Nous partons demain matin.",
+        "Vraiment, tu ne le savais pas ?",
+    )
     line, subtitles, clock = [np.zeros(6 * FS)], [], 6.0
     for text in texts:
         x = mono(render(line_of(phonemise(text))).samples, RATE_HZ)

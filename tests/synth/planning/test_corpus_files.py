@@ -167,10 +167,12 @@ def test_a_score_longer_than_its_textgrid_is_refused(tmp_path: Path) -> None:
     [
         ("", "no tier of phones"),
         ('item [1]:\nname = "phones"\nxmin = x xmax = 1 text = "a"', "malformed TextGrid"),
-        ('item [1]:\nname = "phones"\nitem [2]:\nname = "keys"\nxmin = 0 xmax = 1 text = "99 a"',
-         "key '99' is not placement"),
+        (
+            'item [1]:\nname = "phones"\nitem [2]:\nname = "keys"\nxmin = 0 xmax = 1 text = "99 a"',
+            "key '99' is not placement",
+        ),
     ],
-)  # fmt: skip
+)
 def test_malformed_textgrids_are_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "a.TextGrid").write_text(text, encoding="utf-8")
     with pytest.raises(CueError, match=message):

@@ -64,15 +64,17 @@ def marks(score: Score) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("Elle part, ce soir. Tu viens ? Oui !",
-         ["continuation", "statement", "question", "exclamation"]),
+        (
+            "Elle part, ce soir. Tu viens ? Oui !",
+            ["continuation", "statement", "question", "exclamation"],
+        ),
         ("« Tu viens ? » demanda-t-il.", ["question", "statement"]),
         ("— Tu viens ?\n— Où ça ?", ["question", "interrogation"]),
         ('Il a dit : "Qui est là ?" et il est parti', ["continuation", "interrogation"]),
         ("Il sait qui tu es.", ["statement"]),
         ("Oui", []),
     ],
-)  # fmt: skip
+)
 def test_sentences_of_one_subtitle(text: str, expected: list[str]) -> None:
     assert marks(score_of_subtitles([Subtitle(1.0, 6.0, text)])) == expected
 
@@ -171,10 +173,12 @@ def f0_of(x: NDArray[np.float64], fs: int, start_s: float, end_s: float) -> NDAr
 def synthesiser() -> ConcatenativeSynthesiser:
     voice = load_voice("claire")
     texts = (
-        "Tu viens demain matin avec nous.", "Où vas-tu demain, mon ami ?",
-        "Est-ce que vous voulez une table ?", "Bonjour, madame, il fait beau ce soir.",
+        "Tu viens demain matin avec nous.",
+        "Où vas-tu demain, mon ami ?",
+        "Est-ce que vous voulez une table ?",
+        "Bonjour, madame, il fait beau ce soir.",
         "Elle part à Paris. Oui, nous allons au village.",
-    )  # fmt: skip
+    )
     recordings = list(record(texts, GestureSynthesiser(alignment="paper"), voice))
     return ConcatenativeSynthesiser(recordings, voice)
 

@@ -17,14 +17,7 @@ from synth.language.text.words import Word
 from synth.planning.prosody.importance import importance, links
 from synth.planning.prosody.key_times import STILL_S, least_s
 from synth.planning.prosody.pace_report import PaceReport
-from synth.planning.prosody.pacing import (
-    LEAD_S,
-    READABLE,
-    Pace,
-    PacedWord,
-    TimedWord,
-    pace_words,
-)
+from synth.planning.prosody.pacing import LEAD_S, READABLE, Pace, PacedWord, TimedWord, pace_words
 from synth.planning.prosody.taut_string import taut_string
 from synth.planning.scoring.text_score import (
     Reading,

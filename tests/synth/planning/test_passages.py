@@ -15,11 +15,13 @@ from synth.units.concatenation.assembly import Flow
 
 LINES = st.lists(
     st.tuples(
-        st.sampled_from("b a l i t ə s u".split()), st.floats(0.02, 0.4),
+        st.sampled_from("b a l i t ə s u".split()),
+        st.floats(0.02, 0.4),
         st.one_of(st.just(0.0), st.floats(0.0, 3.0)),
     ),
-    min_size=1, max_size=120,
-)  # fmt: skip
+    min_size=1,
+    max_size=120,
+)
 
 
 def score_of(line: list[tuple[str, float, float]]) -> Score:

@@ -33,11 +33,16 @@ def line_of(lengths: list[int], keys: list[tuple[int, str]], slack: int = 60) ->
     start = 50 + np.cumsum([0, *lengths[:-1]])
     n = len(start)
     return KeyLine(
-        start=start, end=start + np.array(lengths), early=start - slack, late=start + slack,
-        least=np.full(n, 4), pause=np.zeros(n, dtype=np.int64),
+        start=start,
+        end=start + np.array(lengths),
+        early=start - slack,
+        late=start + slack,
+        least=np.full(n, 4),
+        pause=np.zeros(n, dtype=np.int64),
         key=np.array([6 * shape + PLACEMENT_NUMBER[name] for shape, name in keys]),
-        lag=np.full(n, 0.15), more=np.zeros(n),
-    )  # fmt: skip
+        lag=np.full(n, 0.15),
+        more=np.zeros(n),
+    )
 
 
 def looked(line: KeyLine) -> tuple[np.ndarray, np.ndarray]:

@@ -202,9 +202,11 @@ def test_a_rod_hides_what_lies_behind_it_only(
 def test_the_back_of_the_head_hides_the_ear_behind_it() -> None:
     body = load_body()
     still = BodyPose(
-        np.zeros((1, len(body.unit_names))), np.zeros((1, 6)),
-        np.zeros((1, len(HAND_ANGLES))), np.array([[0.0] * 3 + [-900.0, -900.0, 0.0]]),
-    )  # fmt: skip
+        np.zeros((1, len(body.unit_names))),
+        np.zeros((1, 6)),
+        np.zeros((1, len(HAND_ANGLES))),
+        np.array([[0.0] * 3 + [-900.0, -900.0, 0.0]]),
+    )
     left_camera = Studio(np.array([[2000.0, 0.0, 600.0]]), least_cameras=1)
     seen = left_camera.seen(body, still, body.markers(still))[0]
     assert seen[MARKER_NUMBER["EAR_L"]]

@@ -63,9 +63,7 @@ def test_other_sentences_make_another_archive(
 
 
 def test_a_damaged_archive_is_refused_and_made_again(
-    voice: Voice,
-    built: tuple[Path, list[UnitRecording], list[tuple[int, int]]],
-    tmp_path: Path,
+    voice: Voice, built: tuple[Path, list[UnitRecording], list[tuple[int, int]]], tmp_path: Path
 ) -> None:
     _, made, _ = built
     write_archive(tmp_path / "a", made)

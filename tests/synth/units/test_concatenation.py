@@ -90,8 +90,12 @@ def test_a_polysound_splits_into_its_diphones() -> None:
 def test_gaps_become_pauses() -> None:
     line = with_pauses([Phone("a", 1.0, 1.1), Phone("b", 1.5, 1.6)], 0.5, 2.0)
     assert [(p.symbol, p.start, p.end) for p in line] == [
-        ("_", 0.5, 1.0), ("a", 1.0, 1.1), ("_", 1.1, 1.5), ("b", 1.5, 1.6), ("_", 1.6, 2.0)
-    ]  # fmt: skip
+        ("_", 0.5, 1.0),
+        ("a", 1.0, 1.1),
+        ("_", 1.1, 1.5),
+        ("b", 1.5, 1.6),
+        ("_", 1.6, 2.0),
+    ]
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -163,9 +167,12 @@ def test_joins_are_smoothed_towards_the_next_onset() -> None:
     source = Trajectories([motion], [0])
     times = np.linspace(0.0, 2.0, 21)
     joined = join_trajectories(
-        source, np.zeros(2, dtype=np.int64), [(0.0, 1.0), (2.0, 3.0)], [(0.0, 1.0), (1.0, 2.0)],
+        source,
+        np.zeros(2, dtype=np.int64),
+        [(0.0, 1.0), (2.0, 3.0)],
+        [(0.0, 1.0), (1.0, 2.0)],
         times,
-    )  # fmt: skip
+    )
     # The first unit ends where the second begins, and the second is left as recorded.
     assert joined[0, 0] == 0.0
     assert joined[10, 0] == 10.0

@@ -50,9 +50,9 @@ def test_stretches_meet_in_phase_whatever_their_marks() -> None:
 
 def test_levels_meet_half_way() -> None:
     y = _joined(0, 10 ** (4 / 20))
-    level = np.array([
-        10 * np.log10(np.mean(y[at : at + PERIOD] ** 2)) for at in range(0, FS - PERIOD, PERIOD)
-    ])  # fmt: skip
+    level = np.array(
+        [10 * np.log10(np.mean(y[at : at + PERIOD] ** 2)) for at in range(0, FS - PERIOD, PERIOD)]
+    )
     step = level - level[10]
     assert abs(step[-10] - 4.0) < 0.1, "far from the join the level is its own"
     assert abs(step[:60].max()) < 4.1

@@ -96,9 +96,11 @@ def test_vowels_are_marked_at_the_same_phase(sign: float) -> None:
         x[::period] = sign
         for frequency, width in ((0.0, 100.0), *((f, 80.0) for f in formants)):
             r = np.exp(-np.pi * width / FS)
-            poles = [1.0, -r] if not frequency else [
-                1.0, -2 * r * np.cos(2 * np.pi * frequency / FS), r * r
-            ]  # fmt: skip
+            poles = (
+                [1.0, -r]
+                if not frequency
+                else [1.0, -2 * r * np.cos(2 * np.pi * frequency / FS), r * r]
+            )
             x = lfilter([1.0, -1.0] if not frequency else [1.0], poles, x)
         seen.add(bool(sign * skew(x) > 0))
         x += 0.001 * x.std() * np.random.default_rng(3).standard_normal(FS)

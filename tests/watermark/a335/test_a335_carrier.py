@@ -11,24 +11,11 @@ from hypothesis import strategies as st
 from codec.errors import CueError
 from tests.watermark.lines import grey, one, source, vectors
 from watermark.a335 import bch
-from watermark.a335.carrier import (
-    A335Embedder,
-    A335Receiver,
-    frame_rate,
-    is_foreign,
-    read_blocks,
-)
+from watermark.a335.carrier import A335Embedder, A335Receiver, frame_rate, is_foreign, read_blocks
 from watermark.a335.erasure import decode_parts, encode_part
 from watermark.a335.framing import join_long, long_blocks, long_grid, pack_block
-from watermark.a335.line import (
-    SYSTEM_1X,
-    line_values,
-)
-from watermark.a335.messages import (
-    USER_PRIVATE_LONG,
-    MessageAssembler,
-    parse_private,
-)
+from watermark.a335.line import SYSTEM_1X, line_values
+from watermark.a335.messages import USER_PRIVATE_LONG, MessageAssembler, parse_private
 from watermark.a335.profile import DOMAIN, PROFILES
 
 # --- codes ---
@@ -228,8 +215,13 @@ def test_second_line_helps() -> None:
 def test_rates_are_as_published() -> None:
     rates = {name: round(p.net_bps) for name, p in PROFILES.items()}
     assert rates == {
-        "1x": 738, "1x-high": 3000, "1x-max": 3738, "2x": 4112, "2x-high": 8250, "2x-max": 9738,
-    }  # fmt: skip
+        "1x": 738,
+        "1x-high": 3000,
+        "1x-max": 3738,
+        "2x": 4112,
+        "2x-high": 8250,
+        "2x-max": 9738,
+    }
     gross = [p.body_bytes * 8 * 25 for p in PROFILES.values()]
     assert gross == [4200, 3800, 3800, 10200, 9800, 9800]
 

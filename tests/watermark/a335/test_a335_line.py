@@ -10,18 +10,8 @@ from hypothesis import strategies as st
 
 from codec.errors import BitstreamError, CueError
 from tests.watermark.lines import grey, one, payload_of, source, vectors
-from watermark.a335.carrier import (
-    A335Embedder,
-    read_blocks,
-)
-from watermark.a335.line import (
-    RUN_IN,
-    SYSTEM_1X,
-    SYSTEM_2X,
-    line_values,
-    read_line,
-    system_1x,
-)
+from watermark.a335.carrier import A335Embedder, read_blocks
+from watermark.a335.line import RUN_IN, SYSTEM_1X, SYSTEM_2X, line_values, read_line, system_1x
 from watermark.a335.messages import (
     EXTENDED_VP1,
     USER_PRIVATE_LONG,

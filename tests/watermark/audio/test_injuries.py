@@ -133,8 +133,10 @@ def test_blocks_do_not_matter_to_guesses() -> None:
 
 def test_a_receiver_that_does_not_guess_finds_what_is_whole() -> None:
     for x, guess, locked in (
-        (marked(), False, True), (crossed(marked()), True, True), (crossed(marked()), False, False)
-    ):  # fmt: skip
+        (marked(), False, True),
+        (crossed(marked()), True, True),
+        (crossed(marked()), False, False),
+    ):
         receiver = AudioReceiver(FS, 2, guess=guess)
         found = [*receiver.process(x[: 11 * FS // 2]), *receiver.flush()]
         assert receiver.locked == bool(found) == locked
@@ -241,9 +243,13 @@ def test_decoded_bits_tell_where_their_neighbours_can_be_trusted() -> None:
         soft = np.clip(soft + rng.normal(0, 0.6, ideal.shape), -1, 1)
         view = Seen(np.zeros((64, 480), dtype=np.complex128), soft)
         reading = SuperframeReading(
-            view, 5.0, np.zeros((3, *ideal.shape)), soft, demodulator.layout.gather(soft),
+            view,
+            5.0,
+            np.zeros((3, *ideal.shape)),
+            soft,
+            demodulator.layout.gather(soft),
             Decoded(l0, None, first),
-        )  # fmt: skip
+        )
         plain = demodulator.layout.gather(
             soft * demodulator.reliability.plain(np.zeros((3, *ideal.shape)))
         )

@@ -11,11 +11,7 @@ from watermark.audio.search import _evidence_kernels
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.hypotheses import RARELY_S, STRETCH_S, make_hypotheses
-from watermark.audio.search.scheduler import (
-    FIRST,
-    SPEND,
-    HypothesisScheduler,
-)
+from watermark.audio.search.scheduler import FIRST, SPEND, HypothesisScheduler
 from watermark.audio.search.scheduler import SAVED_S as HUNT_SAVED_S
 from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.masking import make_masker

@@ -118,9 +118,12 @@ def test_places_between_transforms_are_as_if_transformed() -> None:
     places = np.arange(0, count * apart, 2)
     units = np.full((1, HOP), 0.01)
     found = PlaceProjections.of(
-        analyse(frames[: count * apart + 1 : apart], HOP), units, np.zeros(count + 1, np.int64),
-        float(apart), cells,
-    )  # fmt: skip
+        analyse(frames[: count * apart + 1 : apart], HOP),
+        units,
+        np.zeros(count + 1, np.int64),
+        float(apart),
+        cells,
+    )
     # A table that gives the error back, to a 4096th of a step.
     table = np.tile(np.arange(4096) / 4096, (cells.dither.size, 1))
     seen = found.look_up(20.0, table, np.arange(0.0, apart, 2.0))[0]

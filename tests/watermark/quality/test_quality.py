@@ -192,10 +192,14 @@ def test_inner_kernels_agree_with_their_python(name: str) -> None:
         "modulation_into": (pair, bands[5], FRAME_RATE, np.ones((14, BANDS)), np.empty((2, BANDS))),
         "detection_into": (pair, np.zeros(BANDS), np.zeros(BANDS)),
         "group_into": (
-            rng.exponential(size=1025), ear.first, ear.last, ear.first_share, ear.last_share,
+            rng.exponential(size=1025),
+            ear.first,
+            ear.last,
+            ear.first_share,
+            ear.last_share,
             np.empty(BANDS),
         ),
-    }[name]  # fmt: skip
+    }[name]
     kernel = getattr(_kernels, name)
     copies = [[np.array(a) if isinstance(a, np.ndarray) else a for a in arguments] for _ in "ab"]
     kernel(*copies[0])

@@ -35,10 +35,12 @@ def found_places(frames: list[np.ndarray]) -> list[Region]:
 def test_crop_of_each_side(sides: tuple[int, int, int, int]) -> None:
     left, right, top, bottom = sides
     width, height = WIDTH - left - right, HEIGHT - top - bottom
-    place = found_places([
-        np.ascontiguousarray(f[top : HEIGHT - bottom, left : WIDTH - right])
-        for f in marked_frames()
-    ])[0]  # fmt: skip
+    place = found_places(
+        [
+            np.ascontiguousarray(f[top : HEIGHT - bottom, left : WIDTH - right])
+            for f in marked_frames()
+        ]
+    )[0]
     assert place.left * width == pytest.approx(-left, abs=1)  # an eighth of a cell
     assert place.top * height == pytest.approx(-top, abs=1)
     assert place.width * width == pytest.approx(WIDTH, abs=2)

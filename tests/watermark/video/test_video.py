@@ -9,10 +9,7 @@ import pytest
 from codec.errors import CueError
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
 from watermark.video.embed import VideoEmbedder
-from watermark.video.profile import (
-    PROFILES,
-    VideoProfile,
-)
+from watermark.video.profile import PROFILES, VideoProfile
 from watermark.video.receive import VideoReceiver
 
 pytestmark = pytest.mark.long(10)
@@ -44,8 +41,7 @@ def test_round_trip(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "fps",
-    [30, Fraction(60000, 1001), *(pytest.param(f, marks=pytest.mark.slow) for f in (24, 50))],
+    "fps", [30, Fraction(60000, 1001), *(pytest.param(f, marks=pytest.mark.slow) for f in (24, 50))]
 )
 def test_frame_rates(fps: Any) -> None:
     frames = [picture(n, fps=float(fps)) for n in range(int(2.2 * fps))]

@@ -104,10 +104,12 @@ class StereoDesigner(MarkDesigner):
         alike = _alike(mine, own[1], mid, units[MID], largest)
         other = np.clip(alike * (2 * mid - mine), -largest * others, largest * others)
         hand = (places == LEFT).astype(np.float64) - (places == RIGHT)
-        return np.stack([
-            np.where(hand != 0, (mine + other) / 2, mid),
-            np.where(hand != 0, hand * (mine - other) / 2, _across(units) * mid),
-        ])  # fmt: skip
+        return np.stack(
+            [
+                np.where(hand != 0, (mine + other) / 2, mid),
+                np.where(hand != 0, hand * (mine - other) / 2, _across(units) * mid),
+            ]
+        )
 
     def _leaning(
         self,

@@ -147,8 +147,11 @@ class SuperframeView:
             _kernels.project_cells(
                 np.asarray(self.spectra, dtype=np.complex64),
                 np.asarray(self.amplitudes, dtype=np.float32),
-                cells.signs, cells.first_bin, projections, alive,
-            )  # fmt: skip
+                cells.signs,
+                cells.first_bin,
+                projections,
+                alive,
+            )
             self._projected[id(cells)] = cells, projections, alive
         _, projections, alive = self._projected[id(cells)]
         return projections, alive
@@ -193,9 +196,12 @@ def thresholds_of(
 
 
 def choose(
-    mid: NDArray[np.complex64], side: NDArray[np.complex64], units: NDArray[np.float64],
-    masker: Masker, bins: NDArray[np.int64],
-) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:  # fmt: skip
+    mid: NDArray[np.complex64],
+    side: NDArray[np.complex64],
+    units: NDArray[np.float64],
+    masker: Masker,
+    bins: NDArray[np.int64],
+) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
     """Spectra and amplitudes of the mark's unit, each bin of the channel where it stands.
 
     `units` are those of the bands of each channel, `bins` numbers of channels, shape (T, HOP).

@@ -110,9 +110,13 @@ class CandidateReader:
         ratio, offset = sound.pace * (1 + candidate.clock_ppm * 1e-6), sound.offset
         own = demodulator.profile.levels_of(candidate.tier)
         track = Track(
-            position, ratio, demodulator, own.start + 1 + offset,
-            sound.equaliser or Equaliser(demodulator.bands), offset,
-        )  # fmt: skip
+            position,
+            ratio,
+            demodulator,
+            own.start + 1 + offset,
+            sound.equaliser or Equaliser(demodulator.bands),
+            offset,
+        )
         with ventures.attempt(0.0, SURE):
             score = self._reader.pull_in(tape, track, candidate)
         if score < LEAST_SCORE:

@@ -86,13 +86,21 @@ def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     _kernels.project_phases(
         np.asarray(view.spectra, dtype=np.complex64),
         np.asarray(view.amplitudes, dtype=np.float32),
-        cells.signs, cells.first_bin, 1 / (known.step * np.sqrt(cells.bins)), projections,
-    )  # fmt: skip
+        cells.signs,
+        cells.first_bin,
+        1 / (known.step * np.sqrt(cells.bins)),
+        projections,
+    )
     table, turns = np.zeros((bands, PHASES)), np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
     _kernels.phase_scores(
-        projections, np.asarray(weight, dtype=np.float64), cells.dither,
-        band_of(cells), harmonic, turns, table,
-    )  # fmt: skip
+        projections,
+        np.asarray(weight, dtype=np.float64),
+        cells.dither,
+        band_of(cells),
+        harmonic,
+        turns,
+        table,
+    )
     return table
 
 

@@ -15,14 +15,7 @@ from watermark.audio.follow.attempt import AcceptedAttempt
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.past import PastReader
-from watermark.audio.follow.purse import (
-    BESIDE,
-    ELSEWHERE,
-    FOLLOWED,
-    LOCKED_IN,
-    LOST,
-    DecodingPurse,
-)
+from watermark.audio.follow.purse import BESIDE, ELSEWHERE, FOLLOWED, LOCKED_IN, LOST, DecodingPurse
 from watermark.audio.follow.track import Track, as_used, received
 from watermark.audio.follow.track_reader import FOLLOW, YOUNG, TrackReader
 from watermark.audio.signal.profile import HOP, SUPERFRAME
@@ -124,9 +117,14 @@ class TrackFollower:
                     track.bent(expected)
             elif abs(delay) <= SAME_PLACE:
                 track = replace(
-                    known, position=due, level=track.level, misses=0,
-                    equaliser=track.equaliser, offset=track.offset, pair=track.pair,
-                )  # fmt: skip
+                    known,
+                    position=due,
+                    level=track.level,
+                    misses=0,
+                    equaliser=track.equaliser,
+                    offset=track.offset,
+                    pair=track.pair,
+                )
                 self._reader.nudge(track, delay)
         before = self.past.end()
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
@@ -197,9 +195,14 @@ class TrackFollower:
         return self.past.hold([failed] if track.misses <= patience else [])
 
     def _correct(
-        self, tape: StereoBuffer, track: Track, raw: SuperframeView, reading: SuperframeReading,
-        *, wide: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        tape: StereoBuffer,
+        track: Track,
+        raw: SuperframeView,
+        reading: SuperframeReading,
+        *,
+        wide: bool = False,
+    ) -> None:
         """Let the decoded bits correct clock, level, phases and the cells' reliabilities."""
         demodulator = track.demodulator
         expected = demodulator.expected(reading.decoded)

@@ -17,12 +17,7 @@ from watermark.audio.follow.attempt import (
     CandidateReader,
 )
 from watermark.audio.follow.following import TrackFollower
-from watermark.audio.follow.purse import (
-    HUNTED,
-    PIECES_LOCK,
-    DecodingPurse,
-    Ventures,
-)
+from watermark.audio.follow.purse import HUNTED, PIECES_LOCK, DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
 from watermark.audio.search.channel_mixes import MID, ChannelMix, find_mix, usual_mix

@@ -102,9 +102,14 @@ class PlaceProjections:
         return int((self.planes.shape[1] - self.step) * delays.size)
 
     def _look_up(
-        self, steps: tuple[float, ...], shifts: tuple[float, ...], table: Array, delays: Array,
-        values: Floats, sums: Floats,
-    ) -> None:  # fmt: skip
+        self,
+        steps: tuple[float, ...],
+        shifts: tuple[float, ...],
+        table: Array,
+        delays: Array,
+        values: Floats,
+        sums: Floats,
+    ) -> None:
         from watermark.audio.follow import _path_kernels
 
         cells, part = self.cells, (delays / self.distance)[:, np.newaxis]

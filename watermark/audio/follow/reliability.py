@@ -107,10 +107,7 @@ class Reliability:
         return np.asarray(np.where(self._kinds[0] > 0, 1.0, mean / mean[1] @ self._kinds))
 
     def learn(
-        self,
-        soft: NDArray[np.float64],
-        expected: NDArray[np.float64],
-        clues: NDArray[np.float64],
+        self, soft: NDArray[np.float64], expected: NDArray[np.float64], clues: NDArray[np.float64]
     ) -> None:
         """Take a superframe's soft values and their true signs (0 unknown), shape (64, groups)."""
         known = (np.abs(expected) * (soft != 0)).sum(axis=0)

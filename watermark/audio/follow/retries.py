@@ -71,9 +71,14 @@ class _Kind:
 
 def _priors() -> dict[str, _Kind]:
     rates = {
-        "likely": 0.06, "covered": 0.02, "promising": 0.03, "plain": 0.01, "even": 0.01,
-        "noisy": 0.005, "lone": 0.005,
-    }  # fmt: skip
+        "likely": 0.06,
+        "covered": 0.02,
+        "promising": 0.03,
+        "plain": 0.01,
+        "even": 0.01,
+        "noisy": 0.005,
+        "lone": 0.005,
+    }
     return {name: _Kind(rate) for name, rate in rates.items()}
 
 

@@ -16,23 +16,14 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
-from watermark.audio.follow.purse import (
-    PIECES_LOCK,
-    PIECES_READ,
-    SAVED,
-)
+from watermark.audio.follow.purse import PIECES_LOCK, PIECES_READ, SAVED
 from watermark.audio.follow.stretched_path import MARGIN, REACH
 from watermark.audio.follow.stretched_place import APART, FRAMES, StretchedPlace, even_start
 from watermark.audio.follow.stretched_reader import ATTEMPTS, JUMPS, PathReading, PiecesReader
 from watermark.audio.follow.track import Track, received
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.stretched_search import StretchedCandidate
-from watermark.audio.signal.profile import (
-    FRAMES_PER_SUPERFRAME,
-    HOP,
-    SUPERFRAME,
-    AudioProfile,
-)
+from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME, AudioProfile
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
@@ -133,9 +124,14 @@ class StretchedFollower:
             if not purse.affords(PIECES_READ):
                 break
             place = StretchedPlace(
-                track.position, tempo, tempo, track.position, round(track.level), self._nominal,
                 track.position,
-            )  # fmt: skip
+                tempo,
+                tempo,
+                track.position,
+                round(track.level),
+                self._nominal,
+                track.position,
+            )
             centre = place.position + HOP * self._nominal / tempo * FRAMES
             paths = self._pieces.paths(tape, centre, track.demodulator)
             first = [(place.piece, JUMPS[0])]

@@ -81,9 +81,14 @@ class Paths:
     """
 
     def __init__(
-        self, tape: SampleBuffer, centre: Array, nominal: float, demodulator: Demodulator,
-        pilots: Pilots, masker: Masker,
-    ) -> None:  # fmt: skip
+        self,
+        tape: SampleBuffer,
+        centre: Array,
+        nominal: float,
+        demodulator: Demodulator,
+        pilots: Pilots,
+        masker: Masker,
+    ) -> None:
         self.demodulator, self._masker, self._nominal = demodulator, masker, nominal
         self._begin = np.floor(centre[0]) - (REACH + MARGIN) * nominal
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
@@ -161,9 +166,13 @@ class Paths:
         return self._follow(own, self._pilots_at(level), known, jump, first)[1]
 
     def _follow(
-        self, own: Floats, pilots: Floats, known: tuple[Floats, Floats], jump: float,
+        self,
+        own: Floats,
+        pilots: Floats,
+        known: tuple[Floats, Floats],
+        jump: float,
         first: float | None,
-    ) -> tuple[float, Array]:  # fmt: skip
+    ) -> tuple[float, Array]:
         """Likeliest path by evidence of cells, of pilots and of known bits; its score, places."""
         from watermark.audio.follow import _path_kernels
 
@@ -195,9 +204,13 @@ class Paths:
         units = amplitudes[1]
         cells, step = self.demodulator.layout.cells, profile.step(level)
         found = PlaceProjections.of(
-            np.concatenate(spectra), units, np.tile(np.arange(frames), 3),
-            float(FINE_REACH), cells, step=frames,
-        )  # fmt: skip
+            np.concatenate(spectra),
+            units,
+            np.tile(np.arange(frames), 3),
+            float(FINE_REACH),
+            cells,
+            step=frames,
+        )
         shape = 2, frames, FINE.size
         if expected is None:
             sums = found.sums([step], self.demodulator.coverage.unknown, FINE)

@@ -77,9 +77,13 @@ class PiecesReader:
         return Paths(tape, centre, self._nominal, demodulator, self._pilots, self._masker)
 
     def brief(
-        self, paths: Paths, levels: list[float], attempts: Sequence[tuple[float | None, float]],
-        looked_at: list[PathReading], tempo: float = 1.0,
-    ) -> PathReading | None:  # fmt: skip
+        self,
+        paths: Paths,
+        levels: list[float],
+        attempts: Sequence[tuple[float | None, float]],
+        looked_at: list[PathReading],
+        tempo: float = 1.0,
+    ) -> PathReading | None:
         """Read briefly along the likeliest paths: from some place on, jumps being worth so much.
 
         Each is noted, as far as the purse pays; the one that was read is returned.

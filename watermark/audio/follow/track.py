@@ -8,16 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from watermark.audio.follow.align import (
-    SuperframeView,
-    read_view,
-)
+from watermark.audio.follow.align import SuperframeView, read_view
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, lean, path_of, score_phases
 from watermark.audio.signal.masking import Masker
-from watermark.audio.signal.profile import (
-    SUPERFRAME,
-)
+from watermark.audio.signal.profile import SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import ReceivedSuperframe
 

@@ -11,12 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from watermark.audio.follow.align import (
-    AlignmentFit,
-    SuperframeView,
-    find_delay,
-    search_fit,
-)
+from watermark.audio.follow.align import AlignmentFit, SuperframeView, find_delay, search_fit
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
@@ -118,9 +113,14 @@ class TrackReader:
         return look(tape, track, self._masker)
 
     def read(
-        self, tape: SampleBuffer, track: Track, raw: SuperframeView, *, due: bool,
+        self,
+        tape: SampleBuffer,
+        track: Track,
+        raw: SuperframeView,
+        *,
+        due: bool,
         brief: bool = False,
-    ) -> SuperframeReading:  # fmt: skip
+    ) -> SuperframeReading:
         """Read with the phases that the track has, then without, or the other way round.
 
         Unless only in brief, then with bands that are too quiet for a programme of full loudness;

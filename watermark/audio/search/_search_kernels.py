@@ -46,12 +46,7 @@ def add_rows(values: Soft, starts: NDArray[np.int64], masks: Soft, count: int, t
 
 @njit(cache=True)
 def pilot_sums(
-    soft: Soft,
-    first: int,
-    hop: int,
-    group: NDArray[np.int64],
-    mask: Soft,
-    sums: Soft,
+    soft: Soft, first: int, hop: int, group: NDArray[np.int64], mask: Soft, sums: Soft
 ) -> None:
     """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
 

@@ -201,11 +201,7 @@ class PilotCorrelator:
         tier, profile = self.pairs[n]
         start = PLACE * (first + float(place)) + FIRST_PLACE
         return Candidate(
-            start,
-            float(self._errors[error]),
-            int(profile),
-            int(tier),
-            score / (PARTS * DEVIATION),
+            start, float(self._errors[error]), int(profile), int(tier), score / (PARTS * DEVIATION)
         )
 
 

@@ -59,9 +59,14 @@ class Evidence:
         best = np.empty(len(peaks), dtype=np.float32)
         where = np.empty(len(peaks), dtype=np.int64)
         _evidence_kernels.add_stretch(
-            peaks.astype(np.float32), first % period, self._sum,
-            min(math.ceil(apart), FARTHEST), np.float32(FADING), best, where,
-        )  # fmt: skip
+            peaks.astype(np.float32),
+            first % period,
+            self._sum,
+            min(math.ceil(apart), FARTHEST),
+            np.float32(FADING),
+            best,
+            where,
+        )
         self._at = float(first)
         pair = int(best.argmax())
         return pair, int(where[pair]), float(best[pair])

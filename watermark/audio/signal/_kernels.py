@@ -78,9 +78,13 @@ def soft_cells(
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def affordable_noise(
-    ratio: NDArray[np.float64], bits: float, rounds: int, low: float, high: float,
+    ratio: NDArray[np.float64],
+    bits: float,
+    rounds: int,
+    low: float,
+    high: float,
     out: NDArray[np.float64],
-) -> None:  # fmt: skip
+) -> None:
     """out[n] = logarithm of the least noise that `bits` allow, by halving the interval from low.
 
     It is that for which half the sum of log2(1 + ratio[n] / noise) is at most `bits`.

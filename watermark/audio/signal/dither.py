@@ -47,10 +47,7 @@ def project(
 
 
 def soft_values(
-    projections: NDArray[np.float64],
-    alive: NDArray[np.bool_],
-    cells: Cells,
-    step: float,
+    projections: NDArray[np.float64], alive: NDArray[np.bool_], cells: Cells, step: float
 ) -> NDArray[np.float64]:
     """Soft value of each cell: +1 on a point of bit 0, -1 on a point of bit 1, 0 if silent."""
     from watermark.audio.signal import _kernels

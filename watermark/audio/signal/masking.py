@@ -118,10 +118,7 @@ class Masker:
         return np.asarray(threshold)
 
     def amplitudes(
-        self,
-        threshold: NDArray[np.float64],
-        before: NDArray[np.float64],
-        bins: int | None = None,
+        self, threshold: NDArray[np.float64], before: NDArray[np.float64], bins: int | None = None
     ) -> NDArray[np.float64]:
         """Amplitude of the mark's unit per bin.
 
