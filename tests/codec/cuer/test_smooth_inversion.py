@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike, NDArray
 
-from codec.cuer.voice import load_voice
+from codec.cuer.voice import Voice, load_voice
+from codec.cues.score import Score
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.scoring.text_score import score_of_text
 
@@ -12,20 +14,23 @@ TEXT = "Le petit chat noir dort sur le grand fauteuil rouge"
 
 
 @pytest.fixture(scope="module")
-def cuer():
+def cuer() -> GestureSynthesiser:
     return GestureSynthesiser("claire")
 
 
 @pytest.fixture(scope="module")
-def score():
+def score() -> Score:
     return score_of_text(TEXT)
 
 
-def rms_mm(voice, params, markers):
-    return np.sqrt(((voice.reconstruct(params) - markers) ** 2).sum(-1).mean(-1))
+def rms_mm(voice: Voice, params: ArrayLike, markers: NDArray[np.float64]) -> NDArray[np.float64]:
+    made = voice.reconstruct(np.asarray(params, dtype=np.float64))
+    return np.asarray(np.sqrt(((made - markers) ** 2).sum(-1).mean(-1)))
 
 
-def test_it_is_as_near_to_the_markers_as_plain_inversion(cuer, score):
+def test_it_is_as_near_to_the_markers_as_plain_inversion(
+    cuer: GestureSynthesiser, score: Score
+) -> None:
     voice = load_voice()
     markers = cuer.markers(score, 0.0, FRAMES)
     plain = rms_mm(voice, voice.invert(markers, rate_hz=50.0).params, markers)
@@ -33,7 +38,7 @@ def test_it_is_as_near_to_the_markers_as_plain_inversion(cuer, score):
     assert smooth.mean() < 1.02 * plain.mean()
 
 
-def test_a_window_is_part_of_any_longer_one(cuer, score):
+def test_a_window_is_part_of_any_longer_one(cuer: GestureSynthesiser, score: Score) -> None:
     voice = load_voice()
     whole = cuer.motion(score, 0.0, FRAMES, voice).params
     for first, frames in ((0, 9), (5, 1), (30, 61), (134, 3)):
@@ -41,7 +46,7 @@ def test_a_window_is_part_of_any_longer_one(cuer, score):
         assert np.abs(part - whole[first : first + frames]).max() < 1e-5
 
 
-def test_one_frame_is_inverted_by_itself():
+def test_one_frame_is_inverted_by_itself() -> None:
     voice = load_voice()
     markers = voice.reconstruct(np.zeros((1, len(voice.layout))))
     assert np.abs(voice.invert_smooth(markers)).max() < 0.1

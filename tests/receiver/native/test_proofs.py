@@ -144,6 +144,7 @@ def test_from_marked_sound(public: Path, age_s: float) -> None:
     proofs = [e for e in events if e["kind"] == "proof"]
     status = "verified" if age_s < 10 else "forged"
     assert [e["status"] for e in proofs[:16]] == [status] * 16
-    assert [round(e["time_s"] / SUPERFRAME_S) for e in proofs[:16]] == list(range(16))
+    places = [round(e["time_s"] / SUPERFRAME_S) for e in proofs[:16]]
+    assert sorted(places) == list(range(16))  # each is reported when it is known
     assert proofs[0]["age_s"] == pytest.approx(age_s, abs=0.4)
     assert events[-1]["proofs" if status == "verified" else "forged"] >= 16
