@@ -23,9 +23,9 @@ def score() -> Score:
     return score_of_text(TEXT)
 
 
-def rms_mm(voice: Voice, params: ArrayLike, markers: NDArray[np.float64]) -> NDArray[np.float64]:
+def rms_mm(voice: Voice, params: ArrayLike, markers: ArrayLike) -> NDArray[np.float64]:
     made = voice.reconstruct(np.asarray(params, dtype=np.float64))
-    return np.asarray(np.sqrt(((made - markers) ** 2).sum(-1).mean(-1)))
+    return np.asarray(np.sqrt(((made - np.asarray(markers)) ** 2).sum(-1).mean(-1)))
 
 
 def test_it_is_as_near_to_the_markers_as_plain_inversion(
