@@ -8,10 +8,12 @@ Examples
 A programme in blocks to keys, each once, and to markers; this one is silent:
 
 >>> import numpy as np
->>> from receiver import KeysFound, MotionPiece, Receiver
+>>> from receiver import Event, KeysFound, MotionPiece, Receiver
 >>> box = Receiver(48000, 2)
 >>> programme = np.zeros((48000, 2), dtype=np.float32)
->>> events = [e for i in range(0, 48000, 4800) for e in box.process(programme[i : i + 4800])]
+>>> events: list[Event] = []
+>>> for i in range(0, 48000, 4800):
+...     events += box.process(programme[i : i + 4800])
 >>> events += box.flush()
 >>> [key for e in events if isinstance(e, KeysFound) and e.final for key in e.keys]
 []

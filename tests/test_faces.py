@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -97,6 +98,25 @@ def test_importing_the_faces_is_cheap() -> None:
 @pytest.mark.parametrize("package", FACES)
 def test_the_face_has_an_example(package: str) -> None:
     assert ">>> from " in (importlib.import_module(package).__doc__ or "")
+
+
+def exemplified(thing: Any) -> str:
+    """Return the docstring of a public name, with those of a class's own members."""
+    members = vars(thing).values() if inspect.isclass(thing) else ()
+    return "".join(str(getattr(part, "__doc__", "")) for part in (thing, *members))
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_every_public_name_has_an_example(package: str) -> None:
+    """Of its own, or in the example of its package; the suite runs them all."""
+    module = importlib.import_module(package)
+    own = re.sub(r"(?m)^(?!\s*(>>>|\.\.\.)).*$", "", module.__doc__ or "")
+    bare = [
+        name
+        for name in module.__all__
+        if ">>> " not in exemplified(getattr(module, name)) and not re.search(rf"\b{name}\b", own)
+    ]
+    assert bare == []
 
 
 def undocumented(label: str, thing: Any) -> list[str]:

@@ -34,6 +34,13 @@ class Chain:
     period : int
     width : int
         Of the proof fields.
+
+    Examples
+    --------
+    >>> chain = Chain(bytes(8), period=0, width=12)
+    >>> last = bytes(KEY_BYTES)
+    >>> chain.before(chain.before(last, 5), 4) == chain.before(last, 5, steps=2)
+    True
     """
 
     def __init__(self, channel: bytes, period: int, width: int) -> None:

@@ -31,6 +31,13 @@ class GestureTable:
         Face parameters of each phone of the language.
     neutral_head : ndarray of float32, shape (nmF,)
         Head parameters of a head at rest.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> table = load_voice("claire").gestures
+    >>> table.shape_targets.shape, table.placement_targets.shape[:2]
+    ((9, 12), (9, 6))
     """
 
     shape_targets: NDArray[np.float32]

@@ -61,6 +61,12 @@ class ScorePart:
         Shape and placement number of keys that do not follow the rule, by their start.
     coarse : bool
         Whether it is known from a preview only: keys are right, phones and times are not.
+
+    Examples
+    --------
+    >>> part = ScorePart(first=0, first_end=4, numbers=(1, 2), starts=(4, 9))
+    >>> part.without_last().starts
+    (4,)
     """
 
     first: int

@@ -70,6 +70,22 @@ class DecodedSuperframe:
         `index` modulo 64.
     slow : tuple of int
         Pieces of the slow channel (`codec.superframe.slow_channel`).
+
+    Examples
+    --------
+    >>> from codec import SuperframeDecoder, SuperframeEncoder, load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> sent = SuperframeEncoder(voice, l0_bytes=20, l1_bytes=7).encode(
+    ...     motion_of(score_of_text("Oui"), voice), 0
+    ... )
+    >>> decoder = SuperframeDecoder(voice)
+    >>> decoder.take(sent.l0, sent.l1, 0)
+    >>> decoded = decoder.render(0)
+    >>> [phone.symbol for phone in decoded.phones], [str(key) for key in decoded.keys]
+    (['w', 'i'], ['26'])
+    >>> decoded.layers, decoded.concealed
+    (('L0', 'L1'), False)
     """
 
     index: int

@@ -89,6 +89,12 @@ class Window:
         Under which keys follow from the phones.
     slow : tuple of int
         Pieces of the slow channel, one at most.
+
+    Examples
+    --------
+    >>> window = Window(begin=3, end=17, numbers=(1, 2), starts=(3, 9))
+    >>> window.end - window.begin, window.overrides
+    (14, {})
     """
 
     begin: int

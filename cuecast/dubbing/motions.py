@@ -29,7 +29,16 @@ _SAME_FRAME = 1e-6
 
 
 class MotionSource(Protocol):
-    """Motion of a whole programme, any window of it at a time."""
+    """Motion of a whole programme, any window of it at a time.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import score_of_text
+    >>> source: MotionSource = SynthesisedMotion(score_of_text("Oui"), load_voice("claire"))
+    >>> source.filmed, source.window(0.0, 32).params.shape
+    (False, (32, 31))
+    """
 
     @property
     def score(self) -> Score:
@@ -201,6 +210,15 @@ class GivenMotion:
     ------
     VoiceError
         If the motion was made with another voice than `voice`.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> given = GivenMotion(motion_of(score_of_text("Oui"), voice), voice)
+    >>> given.window(0.5, 3).params.shape
+    (3, 31)
     """
 
     def __init__(self, motion: Motion, voice: Voice) -> None:

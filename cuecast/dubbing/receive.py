@@ -33,6 +33,12 @@ class Reception:
         Parts of another voice or version among those received, or nothing.
     other_sounds : int
         Sounds of the programme that were not listened to.
+
+    Examples
+    --------
+    >>> reception = Reception({"tune_in_s": None, "keys": []}, None, damaged=0, fault="")
+    >>> len(reception.summary["keys"]), reception.motion is None
+    (0, True)
     """
 
     summary: dict[str, Any]

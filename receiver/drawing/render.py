@@ -90,6 +90,16 @@ def draw(
         If style, size, background or look do not fit.
     VoiceError
         If the motion belongs to another voice.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> motion = motion_of(score_of_text("Oui"), voice)
+    >>> (picture,) = draw(motion, voice, np.array([0.3]), size=(160, 120))
+    >>> picture.shape, bool(picture.any())
+    ((120, 160, 3), True)
     """
     width, height = size
     if not (16 <= width <= _MAX_SIDE and 16 <= height <= _MAX_SIDE):

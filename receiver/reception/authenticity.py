@@ -46,6 +46,13 @@ class Trust:
     likely_s : tuple of float
         Times at which a recording without a clock may have been on air, seconds since 1970: if one
         of them is right within an hour, it is verified sooner.
+
+    Examples
+    --------
+    >>> from codec import SigningKey
+    >>> key = SigningKey("Chaîne 1", bytes(32))
+    >>> Trust(key.announce(1_800_000_000.0, days=1), only_verified=True).announcement.name
+    'Chaîne 1'
     """
 
     announcement: Announcement

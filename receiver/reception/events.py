@@ -55,6 +55,12 @@ class MotionPiece:
         Counts discontinuities of the stream; pieces of one epoch lie on one grid of frames.
     phones : tuple of Phone
         Phones that start within the piece, as far as known.
+
+    Examples
+    --------
+    >>> piece = MotionPiece(2.56, 50.0, np.zeros((32, 31), np.float32), ("L0", "L1"))
+    >>> round(piece.end_s, 2)
+    3.2
     """
 
     start_s: float

@@ -37,6 +37,22 @@ def capture_motion(
     ------
     CueError
         If the file is missing, malformed, or shows too little of the cuer.
+
+    Examples
+    --------
+    A motion's own markers, written as C3D and captured again:
+
+    >>> import tempfile
+    >>> from codec import load_voice
+    >>> from codec.cuer.c3d import write_c3d
+    >>> from synth import motion_of, score_of_text
+    >>> voice = load_voice("claire")
+    >>> motion = motion_of(score_of_text("Oui"), voice)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_c3d(f"{folder}/take.c3d", voice.reconstruct(motion.params), rate_hz=50.0)
+    ...     captured = capture_motion(f"{folder}/take.c3d", voice, CaptureOptions(keys=False))
+    >>> captured.motion.params.shape == motion.params.shape
+    True
     """
     source, kind = Path(path), kind_of(path)
     try:

@@ -76,6 +76,14 @@ class Captured:
     motion : Motion
     report : dict
         For JSON; `notes` in it are sentences.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> from synth import motion_of, score_of_text
+    >>> motion = motion_of(score_of_text("Oui"), load_voice("claire"))
+    >>> Captured(motion, {"kind": "trc", "notes": []}).report["kind"]
+    'trc'
     """
 
     motion: Motion

@@ -50,6 +50,11 @@ class Movs:
         Largest low-passed probability of detection.
     rel_dist_frames : float
         Share of frames with a noise-to-mask ratio above 1.5 dB in some band.
+
+    Examples
+    --------
+    >>> Movs(*range(11)).as_array().shape
+    (11,)
     """
 
     bandwidth_ref: float

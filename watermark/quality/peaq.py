@@ -48,6 +48,13 @@ class PeaqResult:
         The eleven model output variables.
     start_s, end_s : float
         Stretch of the programme that was graded.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal((48_000, 1)) * 0.1
+    >>> result = grade(noise, noise, 48_000)
+    >>> round(result.odg, 2), result.start_s
+    (0.18, 0.0)
     """
 
     odg: float

@@ -70,6 +70,17 @@ class TriedChannel:
         Whether both classes have to arrive, or L0 alone.
     widest : int
         Number of the widest step that may be taken for its sake: wide ones can be seen.
+
+    Examples
+    --------
+    >>> class Wire:
+    ...     def process(self, luma):
+    ...         return [luma]
+    ...
+    ...     def flush(self):
+    ...         return []
+    >>> TriedChannel(Wire(), whole=False).widest
+    2
     """
 
     coder: PictureCoder

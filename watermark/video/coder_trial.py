@@ -36,7 +36,20 @@ IntArray = NDArray[np.int64]
 
 
 class PictureCoder(Protocol):
-    """A coder and its decoder as one stream of luma."""
+    """A coder and its decoder as one stream of luma.
+
+    Examples
+    --------
+    >>> class Wire:
+    ...     def process(self, luma):
+    ...         return [luma]
+    ...
+    ...     def flush(self):
+    ...         return []
+    >>> coder: PictureCoder = Wire()
+    >>> len(coder.process(np.zeros((180, 320), np.uint8)))
+    1
+    """
 
     def process(self, luma: Luma) -> list[Luma]:
         """Take a frame; return frames decoded by now, in order, in luma of 8 bits."""

@@ -74,6 +74,11 @@ class VideoProfile:
     l0_coded : int
         Coded bits of the first class. Its mother code is that of the audio carrier's `standard`, so
         that the ratios of both can be added.
+
+    Examples
+    --------
+    >>> PROFILES["standard"].net_bps, PROFILES["standard"].l1_coded > 0
+    (2000.0, True)
     """
 
     name: str

@@ -90,6 +90,13 @@ class VideoReceiver:
     ------
     CueError
         If size, rate, depth or key are out of range.
+
+    Examples
+    --------
+    >>> receiver = VideoReceiver(320, 180, 25)
+    >>> picture = np.random.default_rng(1).integers(90, 160, (180, 320), dtype=np.uint8)
+    >>> [found for _ in range(3) for found in receiver.process(picture)], receiver.locked
+    ([], False)
     """
 
     def __init__(

@@ -43,6 +43,13 @@ class FaceModel:
         Motion per unit of each head parameter (``eigv_mF``).
     weights : ndarray of float32, shape (63, 6)
         Share of the head's motion that each marker follows (``wmF``): 1, on the throat less.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> face = load_voice("claire").face
+    >>> face.mean.shape, face.n_motion
+    ((63, 3), 6)
     """
 
     mean: NDArray[np.float32]

@@ -50,6 +50,13 @@ class HandModel:
         Residual of the model, as independent displacements of one standard deviation each:
         sliding skin moves neighbouring markers together. Inversion expects them, they are never
         drawn.
+
+    Examples
+    --------
+    >>> from codec import load_voice
+    >>> hand = load_voice("claire").hand
+    >>> hand.n_shape, hand.regression.shape[1:]
+    (12, (50, 3))
     """
 
     angle_mean: NDArray[np.float32]

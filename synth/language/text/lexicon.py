@@ -46,6 +46,11 @@ class Variant:
         IPA symbols of `codec.cues.phonology`.
     classes : dict of str to int
         Letter of `WORD_CLASSES` to level: 9 + log2 of its share of the word's uses.
+
+    Examples
+    --------
+    >>> Variant(("w", "i"), {"C": 9}).phones
+    ('w', 'i')
     """
 
     phones: tuple[str, ...]

@@ -21,6 +21,12 @@ class Word:
         Letter of `synth.language.text.tagging`.
     guess : tuple of str
         The rule-based phones of a word that no lexicon knows, without a link; () for the others.
+
+    Examples
+    --------
+    >>> from synth.language.text.pronounce import phonemise
+    >>> [(word.text, word.pause) for word in phonemise("Oui, bonsoir.")]
+    [('oui', ','), ('bonsoir', '.')]
     """
 
     text: str

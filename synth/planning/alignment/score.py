@@ -79,6 +79,11 @@ class Judgement:
         times, in the mean.
     offset_s : float
         How much later than the subtitles say the voices were looked for.
+
+    Examples
+    --------
+    >>> Judgement(Subtitle(1.0, 2.5, "Bonjour !"), confidence=0.93, offset_s=0.4).confidence
+    0.93
     """
 
     subtitle: Subtitle
@@ -146,6 +151,16 @@ def align(
     ------
     CueError
         If one subtitle spans more than `synth.planning.alignment.runs.LONGEST_TEXT_S`.
+
+    Examples
+    --------
+    Noise speaks no word: the subtitle keeps its times, and a warning says so.
+
+    >>> noise = np.random.default_rng(1).normal(0, 0.1, 48_000)
+    >>> warnings: list[str] = []
+    >>> score = align([Subtitle(0.5, 2.5, "Oui.")], sound_of(noise, 16_000), warn=warnings.append)
+    >>> len(score.keys), len(warnings)
+    (1, 1)
     """
     return reading.score(
         phones_of_recording(

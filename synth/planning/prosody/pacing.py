@@ -133,6 +133,13 @@ class TimedWord:
         On the programme's clock, as many as the word has.
     subtitle : Subtitle, optional
         Its subtitle.
+
+    Examples
+    --------
+    >>> from synth.language.text.pronounce import phonemise
+    >>> (word,) = phonemise("Oui")
+    >>> TimedWord(word, (Phone("w", 1.0, 1.1), Phone("i", 1.1, 1.3))).word.text
+    'oui'
     """
 
     word: Word
@@ -153,6 +160,15 @@ class PacedWord:
         How far she is behind the programme at its first key.
     mute : int
         Mute e that were left out.
+
+    Examples
+    --------
+    >>> from synth.language.text.pronounce import phonemise
+    >>> (word,) = phonemise("Oui")
+    >>> timed = TimedWord(word, (Phone("w", 1.0, 1.1), Phone("i", 1.1, 1.3)))
+    >>> (paced,) = pace_words([timed])
+    >>> [phone.symbol for phone in paced.phones], paced.mute
+    (['w', 'i'], 0)
     """
 
     source: TimedWord

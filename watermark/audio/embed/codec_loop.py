@@ -56,7 +56,17 @@ REMEMBERED = 64
 
 
 class CodecStream(Protocol):
-    """A coder and its decoder as one stream, 48 kHz."""
+    """A coder and its decoder as one stream, 48 kHz.
+
+    Examples
+    --------
+    >>> class Wire:
+    ...     def process(self, sound):
+    ...         return sound
+    >>> coder: CodecStream = Wire()
+    >>> coder.process(np.zeros((480, 2), np.float32)).shape
+    (480, 2)
+    """
 
     def process(self, sound: NDArray[np.float32]) -> NDArray[np.float32]:
         """Take samples, shape (n, 1 or 2); return samples decoded by now, shape (m, channels)."""
@@ -143,6 +153,16 @@ class CodecLoop:
     ----------
     count : int
         Superframes that were sent.
+
+    Examples
+    --------
+    >>> from watermark import PROFILES
+    >>> class Wire:
+    ...     def process(self, sound):
+    ...         return sound
+    >>> loop = CodecLoop(PROFILES["audio"]["standard"], 0, Wire(), names=("wire",))
+    >>> loop.count, loop.enough(0)
+    (0, None)
     """
 
     def __init__(

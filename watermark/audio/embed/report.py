@@ -21,6 +21,13 @@ class EmbedReport:
         Start and end of stretches that cannot carry, seconds.
     net_bps, gross_bps : float
         Payload rate and rate of cells.
+
+    Examples
+    --------
+    >>> from watermark import AudioEmbedder
+    >>> embedder = AudioEmbedder(48_000, 1, lambda k: (bytes(20), bytes(7)))
+    >>> embedder.report().superframes
+    0
     """
 
     duration_s: float
