@@ -16,7 +16,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 
-def add_voice(parser: argparse.ArgumentParser) -> None:
+def add_voice(parser: argparse._ActionsContainer) -> None:
     """Add ``--voice``."""
     parser.add_argument(
         "--voice", default="claire", metavar="V", help="name or file of the cuer's voice"
@@ -30,12 +30,12 @@ def add_avatar(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
+def add_seed(parser: argparse._ActionsContainer) -> None:
     """Add ``--seed``."""
     parser.add_argument("--seed", type=natural, default=0, metavar="N", help="seed of the random")
 
 
-def add_key(parser: argparse.ArgumentParser) -> None:
+def add_key(parser: argparse._ActionsContainer) -> None:
     """Add ``--key``."""
     parser.add_argument("--key", type=natural, default=0, metavar="N", help="key of the watermark")
 
@@ -143,7 +143,7 @@ def add_pace(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_alignment(parser: argparse.ArgumentParser) -> None:
+def add_alignment(parser: argparse._ActionsContainer) -> None:
     """Add ``--alignment``."""
     parser.add_argument(
         "--alignment",
@@ -154,7 +154,7 @@ def add_alignment(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_motion(parser: argparse.ArgumentParser) -> None:
+def add_motion(parser: argparse._ActionsContainer) -> None:
     """Add how the cuer's motion is made."""
     parser.add_argument(
         "--method",

@@ -24,6 +24,7 @@ from codec.errors import CueError
 from cuecast.command.cache import prepare_cache
 from cuecast.command.errors import UsageError
 from cuecast.command.kinds import check_kinds
+from cuecast.command.parser import Parser
 from cuecast.command.progress import printable
 from cuecast.command.version import installed_version
 
@@ -42,16 +43,9 @@ EXIT_UNUSABLE = 3
 EXIT_INTERRUPTED = 130
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser whose complaints cannot steer a terminal."""
-
-    def error(self, message: str) -> NoReturn:
-        super().error(printable(message))
-
-
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """Return the parser of the whole command line."""
-    common = _Parser(add_help=False)
+    common = Parser(add_help=False)
     common.add_argument(
         "--debug",
         action="store_true",
@@ -64,7 +58,7 @@ def build_parser() -> argparse.ArgumentParser:
         default=argparse.SUPPRESS,
         help="keep compiled code in DIR, a folder that only you can write",
     )
-    parser = _Parser(
+    parser = Parser(
         prog="cuecast",
         description="A virtual Cued Speech interpreter inside ordinary television.",
         epilog="Exit status: 0 done, 1 nothing found or mismatch, 2 usage, 3 unusable input.",

@@ -69,25 +69,43 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--track", type=natural, default=0, metavar="N", help="which sound, from 0")
     parser.add_argument(
+        "--replace", action="store_true", help="write over the cuer that the programme has already"
+    )
+    parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
+    add_voice(parser)
+    _add_mark(parser)
+    coders = parser.add_argument_group("how the output is coded")
+    for kind, example in (("audio", "192k"), ("video", "4000k")):
+        coders.add_argument(f"--{kind}-codec", metavar="NAME", help="of the output, if another")
+        coders.add_argument(
+            f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
+        )
+    gestures = parser.add_argument_group("how the cuer moves")
+    add_motion(gestures)
+    add_seed(gestures)
+    add_reading(parser)
+    add_pace(parser)
+    add_subtitle_terms(parser)
+
+
+def _add_mark(parser: argparse.ArgumentParser) -> None:
+    """Add how strong the mark is, on which coders it is tried, and how it is checked."""
+    group = parser.add_argument_group("how the mark is made and checked")
+    group.add_argument(
         "--profile",
         action="append",
         default=[],
         metavar="CARRIER=NAME",
         help="such as audio=robust, video=high, a335=2x",
     )
-    for kind, example in (("audio", "192k"), ("video", "4000k")):
-        parser.add_argument(f"--{kind}-codec", metavar="NAME", help="of the output, if another")
-        parser.add_argument(
-            f"--{kind}-bitrate", type=bit_rate, metavar="BPS", help=f"such as {example}"
-        )
-    parser.add_argument(
+    group.add_argument(
         "--grade",
         type=grade,
         metavar="ODG",
         help="how much of the mark a listener may notice, from 0 (nothing) to -4 (BS.1387; "
         "default: the profile's own)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--through",
         metavar="CODERS",
         help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; "
@@ -95,7 +113,7 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
         "coder (aac:128k,mp3:128k,aac:128k); or none "
         "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--video-through",
         metavar="CODERS",
         help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
@@ -103,21 +121,11 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
         "behind hqdn3d+h264:2000k, a cleaner of noise, or l0+av1:1000k, the cues arrive but not "
         "their details; or none (default: h264 with 0.087 bits per pixel)",
     )
-    parser.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
-    parser.add_argument(
+    group.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
+    group.add_argument(
         "--no-read-back", action="store_true", help="do not receive the written file"
     )
-    parser.add_argument(
-        "--replace", action="store_true", help="write over the cuer that the programme has already"
-    )
-    parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
-    add_voice(parser)
-    add_seed(parser)
-    add_key(parser)
-    add_motion(parser)
-    add_reading(parser)
-    add_pace(parser)
-    add_subtitle_terms(parser)
+    add_key(group)
 
 
 def run(args: argparse.Namespace) -> int:

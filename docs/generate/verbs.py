@@ -13,7 +13,8 @@ def verb_page() -> str:
     parts = [
         "# Verbs",
         "Results go to the standard output, notes and progress to the standard error; `--json` "
-        "prints one JSON document; `-` is a pipe. " + (parser.epilog or ""),
+        "prints one JSON document; `-` is a pipe. Where a verb has many options, `--help` names "
+        "groups of them and `--help-all` explains each as this page does. " + (parser.epilog or ""),
     ]
     for name, verb in parsers_of(parser).items():
         parts += [f"## {name}", *_described(name, verb)]
@@ -32,8 +33,10 @@ def parsers_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPa
 
 
 def options_of(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """Yield the long names of all options of a parser and of those below it."""
+    """Yield the long names of all options of a parser and of those below it, but of help."""
     for action in parser._actions:
+        if isinstance(action, argparse._HelpAction):
+            continue
         yield from (name for name in action.option_strings if name.startswith("--"))
     for below in parsers_of(parser).values():
         yield from options_of(below)

@@ -11,6 +11,8 @@ from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.command import cli
 from cuecast.command.cli import main
+from cuecast.command.parser import LONGEST_PAGE, Parser
+from docs.generate.verbs import parsers_of
 
 
 def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,6 +26,26 @@ def test_help_lists_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
 def test_verb_has_a_page(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0
     assert capsys.readouterr().out.startswith(f"usage: cuecast {verb}")
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_help_fits_a_screen_and_a_half(verb: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 80 columns; every option is named there, and explained by ``--help-all``."""
+    monkeypatch.setenv("COLUMNS", "80")
+    parser = parsers_of(cli.build_parser())[verb]
+    assert isinstance(parser, Parser)
+    assert len(parser.format_help().splitlines()) <= LONGEST_PAGE
+    for action in parser._actions:
+        for name in action.option_strings:
+            assert name in parser.format_help()
+            assert f"  {name}" in parser.format_all() or f", {name}" in parser.format_all()
+
+
+def test_the_whole_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["dub", "--help-all"]) == 0
+    assert "red names sounds" in capsys.readouterr().out
+    assert main(["dub", "--help"]) == 0
+    assert "red names sounds" not in capsys.readouterr().out
 
 
 def test_every_verb_module_is_offered() -> None:
