@@ -48,13 +48,20 @@ def resample_into(
 
 
 @njit(cache=True)
-def fine_texture_into(picture: PixelArray, out: PixelArray) -> None:
-    """Texture of cells of 8 x 8 pixels that start at every second pixel; out : (rows, columns)."""
-    half = np.empty((picture.shape[0] // 2, picture.shape[1] // 2), dtype=np.float32)
-    for i in range(half.shape[0]):
-        for j in range(half.shape[1]):
-            upper = picture[2 * i, 2 * j] + picture[2 * i, 2 * j + 1]
-            half[i, j] = (upper + picture[2 * i + 1, 2 * j] + picture[2 * i + 1, 2 * j + 1]) / 4
+def halve_into(picture: PixelArray, out: PixelArray) -> None:
+    """Mean of each square of 2 x 2 pixels; out : (rows, columns)."""
+    quarter = np.float32(0.25)
+    for i in range(out.shape[0]):
+        upper, lower = picture[2 * i], picture[2 * i + 1]
+        line = out[i]
+        for j in range(line.shape[0]):
+            total = upper[2 * j] + upper[2 * j + 1] + lower[2 * j] + lower[2 * j + 1]
+            line[j] = quarter * total
+
+
+@njit(cache=True)
+def fine_texture_into(half: PixelArray, out: PixelArray) -> None:
+    """Texture of cells of 4 x 4 pixels of a halved picture, one at each; out : (rows, columns)."""
     quarter = np.empty((half.shape[0] - 1, half.shape[1] - 1), dtype=np.float32)
     for i in range(quarter.shape[0]):
         for j in range(quarter.shape[1]):
@@ -203,7 +210,8 @@ def place_scores_into(
     places, rows = down.shape
     part, low = np.uint64(16), np.uint64(0xFFFF)
     sums = np.empty((rows, votes.shape[2]), dtype=np.uint64)
-    where = np.empty(pilots.shape[0], dtype=np.uint64)
+    row_words = np.empty(words.shape[2], dtype=np.uint64)
+    row_sums = row_words.view(np.uint16)
     keep, factor = np.float32(memory), np.float32(unit)
     for begin in range(across.shape[0]):
         if begin % 8 > 1:
@@ -212,25 +220,23 @@ def place_scores_into(
         sums[:] = 0
         for x in places_across:
             shift = np.uint64(8 * (x - begin))
-            for p in range(pilots.shape[0]):
-                where[p] = across[x, pilots[p, 2]]
-            end = 0
+            p = 0
             for r in range(rows):
-                start = end
-                while end < pilots.shape[0] and pilots[end, 1] == r:
-                    end += 1
-                for w in range(words.shape[2]):
-                    total = np.uint64(0)
-                    for p in range(start, end):
-                        total += words[p, where[p], w]
-                    for k in range(4 * w, 4 * w + 4):
-                        sums[r, k] += (total & low) << shift
-                        total >>= part
+                row_words[:] = 0
+                while p < pilots.shape[0] and pilots[p, 1] == r:
+                    four = words[p, across[x, pilots[p, 2]]]
+                    for w in range(row_words.shape[0]):
+                        row_words[w] += four[w]
+                    p += 1
+                line = sums[r]
+                for k in range(line.shape[0]):
+                    line[k] += np.uint64(row_sums[k]) << shift
             best[x] = -1.0
         for y in range(begin & 1, places, 2):
             total = np.uint64(0)
+            shown = down[y]
             for r in range(rows):
-                total += sums[r, down[y, r]]
+                total += sums[r, shown[r]]
             for x in places_across:
                 total_sum = np.float32(np.int64(total & low) - none)
                 total >>= part

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.video import _kernels
-from watermark.video._place_kernels import fine_texture_into
+from watermark.video._place_kernels import fine_texture_into, halve_into
 from watermark.video.bars import content_box
 from watermark.video.grid import WHOLE, Region
 from watermark.video.lattices import BLUR, PILOT_TEXTURES, SEEN_TEXTURE
@@ -35,8 +35,9 @@ LOOKS = 10
 """Looks per superframe where the picture moves: the best one is at most a twentieth of a superframe
 off, for the mean over another window is another picture. Elsewhere every second one is left out."""
 
-EAGER = 8
-"""Superframes that are all searched for crops; then, every second one is."""
+EAGER = 3
+"""Superframes that are all searched for crops: the time within which a place has to be found. Then,
+every second one is. Each of 42 crops of seven films was found as soon with 3 as with 8."""
 
 MOVING = 3.0
 """Least mean difference between a frame of a moving picture and the mean of its window."""
@@ -115,6 +116,7 @@ class PlaceSearch:
         self._sum = np.zeros(shape, dtype=np.int32)
         self._means = np.zeros((3, *shape), dtype=np.float32)
         self._still = np.zeros(shape, dtype=np.float32)
+        self._half = np.zeros((shape[0] // 2, shape[1] // 2), dtype=np.float32)
         self._spare = np.zeros(shape, dtype=np.int32)
         self._moving = False
         self._count = self._looks = 0
@@ -168,7 +170,8 @@ class PlaceSearch:
     def _look(self) -> list[PlaceCandidate]:
         mean = self._means[1]
         self._scores.look_at(mean)
-        self._scores.take_texture(self._still)
+        halve_into(self._still, self._half)
+        self._scores.take_texture(self._half)
         box = content_box(mean)
         usual = [self._whole, MIDDLE if box == WHOLE else box]
         # What looks like bars may be a part of the picture: a planet in a black sky.
@@ -196,7 +199,7 @@ class PlaceSearch:
 
     def _crops(self, box: Region, table: PlaceTable) -> list[PlaceCandidate]:
         """Refine the best crops of a box on the mean pictures themselves."""
-        ranked = table.look(self._means[1], self._still, box, self._looks % LOOKS)
+        ranked = table.look(self._means[1], self._still, self._half, box, self._looks % LOOKS)
         crops = [region for region, score in ranked if score >= PROMISING]
         if not crops:
             return []
@@ -254,9 +257,9 @@ class PilotScores:
         """Take the mean picture that the next scores are of."""
         self._mean = mean
 
-    def take_texture(self, picture: NDArray[np.float32]) -> None:
-        """Compute the texture of a picture, for the shares."""
-        fine_texture_into(picture, self._texture)
+    def take_texture(self, half: NDArray[np.float32]) -> None:
+        """Compute the texture of a picture at half its size, for the shares."""
+        fine_texture_into(half, self._texture)
 
     def best(self, region: Region, shares: FloatArray) -> tuple[float, int]:
         """Return score, in standard deviations of noise, and number of the best mode."""

@@ -151,7 +151,8 @@ def test_kernels_agree_with_their_python() -> None:
     taps = *source_taps(30, 30, 1.0, 25.0), *source_taps(40, 40, -1.0, 35.0)
     calls: dict[str, tuple[Any, ...]] = {
         "resample_into": (picture, *taps, 3, larger),
-        "fine_texture_into": (picture, np.empty((12, 17), dtype=np.float32)),
+        "halve_into": (picture, np.empty((15, 20), dtype=np.float32)),
+        "fine_texture_into": (picture[:15, :20], np.empty((12, 17), dtype=np.float32)),
         "pilot_fields_into": (picture, pilots, *first, factors, fields),
         "pilot_votes_into": (
             fields, texture, pilots, *first, bounds, dither, 2.8, signs, limits, 0.6, 24.0, votes,
