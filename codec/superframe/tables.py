@@ -119,7 +119,6 @@ def _cdf(freqs: Any) -> NDArray[np.int64]:
     return np.ascontiguousarray(np.concatenate([zero, np.cumsum(freq, axis=-1)], axis=-1))
 
 
-@functools.cache
 def present_tables() -> dict[str, Any]:
     """Return the document of the tables that come with the package."""
     document: dict[str, Any] = json.loads((DATA / "tables.json").read_bytes())

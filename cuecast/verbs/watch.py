@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from cuecast.media.avatars import avatar_file
     from cuecast.media.captions import captions_of
     from cuecast.media.playable import playable
-    from receiver.live.memory import give_back_large_blocks
+    from receiver.television.memory import give_back_large_blocks
     from receiver.television.server import AHEAD_S, serve
     from receiver.television.tuner import EagerTuner, MotionTuner, ProgrammeTuner, Tuner
 

@@ -18,7 +18,6 @@ from aiohttp import WSMsgType, web
 from codec.cuer.voice import Voice
 from receiver.live.broadcast import Broadcast, Happening, MediaFragment, MediaStart
 from receiver.live.captions import CaptionsShown
-from receiver.live.memory import give_back_large_blocks
 from receiver.reception.authenticity import Trust
 from receiver.reception.events import (
     AuthenticityChanged,
@@ -27,6 +26,7 @@ from receiver.reception.events import (
     MotionPiece,
     StateChanged,
 )
+from receiver.television.memory import give_back_large_blocks
 from receiver.television.protocol import pack_event
 from receiver.television.server import TelevisionChannel
 

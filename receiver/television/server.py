@@ -25,6 +25,7 @@ from codec.errors import CueError
 from receiver.drawing.avatar_document import avatar_documents
 from receiver.drawing.voice_document import voice_document
 from receiver.reception.reception import Progress
+from receiver.television.memory import give_back_compiler
 from receiver.television.metrics import Metrics
 from receiver.television.packed import Captions, PackedFile
 from receiver.television.protocol import (
@@ -135,6 +136,7 @@ class TelevisionChannel(ABC):
         await runner.setup()
         loop = asyncio.get_running_loop()
         listener: asyncio.Server | None = None
+        thrift = asyncio.create_task(give_back_compiler())
         try:
             try:
                 listener = await loop.create_server(
@@ -145,6 +147,7 @@ class TelevisionChannel(ABC):
             self._port = listener.sockets[0].getsockname()[1]
             yield f"http://{_address_of(self._host)}:{self._port}/"
         finally:
+            thrift.cancel()
             if listener is not None:
                 listener.close()
             for socket in list(self._sockets):

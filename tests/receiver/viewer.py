@@ -15,8 +15,8 @@ from receiver.live import broadcast as live
 from receiver.live.broadcast import Broadcast, Happening
 from receiver.live.continuity import LocalTime, SteadyClock
 from receiver.live.fragments import Fragments, FragmentWriter
-from receiver.live.memory import give_back_large_blocks
 from receiver.reception.events import KeysFound, MotionPiece
+from receiver.television.memory import give_back_large_blocks
 from tests.receiver.badair import VOICE, BadLine, speech
 from tests.receiver.seeded import was_sent
 
