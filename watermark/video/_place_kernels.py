@@ -18,6 +18,34 @@ VoteArray = NDArray[np.int16]
 
 
 @njit(cache=True)
+def even_lines(picture: PixelArray, axis: int, back: bool, even: float, same: float) -> int:
+    """Number of lines at one end of a picture that are even and alike.
+
+    axis : 0 for lines across, 1 for lines down; back : from the last one; even : standard deviation
+    that no such line has; same : difference between its mean and that of the outermost line that no
+    such line has.
+    """
+    count, length = picture.shape[axis], picture.shape[1 - axis]
+    outermost = 0.0
+    for n in range(count):
+        line = count - 1 - n if back else n
+        total = squares = 0.0
+        base = picture[line, 0] if axis == 0 else picture[0, line]
+        for k in range(length):
+            value = float((picture[line, k] if axis == 0 else picture[k, line]) - base)
+            total += value
+            squares += value * value
+        mean = total / length
+        deviation = np.sqrt(max(0.0, squares / length - mean * mean))
+        mean += base
+        if n == 0:
+            outermost = mean
+        if deviation >= even or abs(mean - outermost) >= same:
+            return n
+    return count
+
+
+@njit(cache=True)
 def resample_into(
     picture: PixelArray,
     rows: IntArray,

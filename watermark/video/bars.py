@@ -6,6 +6,7 @@ In: a mean picture; out: the box. Specification: spec/video-carrier.md, section 
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.video._place_kernels import even_lines
 from watermark.video.grid import WHOLE, Region
 
 EVEN = 1.5
@@ -34,24 +35,16 @@ def content_box(mean: NDArray[np.float32]) -> Region:
     Region(left=0.0, top=0.2, width=1.0, height=0.6)
     """
     rows, columns = mean.shape
-    top, bottom = _ends(mean)
+    top, bottom = _ends(mean, 0)
     if bottom - top < LEAST * rows:
         return WHOLE
-    left, right = _ends(mean[top:bottom].T)
+    left, right = _ends(mean[top:bottom], 1)
     if right - left < LEAST * columns:
         return WHOLE
     return Region(left / columns, top / rows, (right - left) / columns, (bottom - top) / rows)
 
 
-def _ends(picture: NDArray[np.float32]) -> tuple[int, int]:
-    """First line of the content and the end of its last one."""
-    ends = []
-    for lines in (picture, picture[::-1]):
-        outermost = float(lines[0].mean())
-        count = 0
-        for line in lines:
-            if line.std() >= EVEN or abs(float(line.mean()) - outermost) >= SAME:
-                break
-            count += 1
-        ends.append(count)
-    return ends[0], picture.shape[0] - ends[1]
+def _ends(picture: NDArray[np.float32], axis: int) -> tuple[int, int]:
+    """First line of the content along an axis and the end of its last one."""
+    first, last = (even_lines(picture, axis, back, EVEN, SAME) for back in (False, True))
+    return first, picture.shape[axis] - last

@@ -91,6 +91,16 @@ def test_unmarked_picture_has_no_place() -> None:
 
 def test_black_picture_has_no_bars() -> None:
     assert content_box(np.full((360, 640), 16, dtype=np.float32)) == WHOLE
+    rng = np.random.default_rng(7)
+    picture = rng.normal(16, 0.5, (90, 160)).astype(np.float32)
+    picture[20:70, 10:150] += rng.normal(60, 20, (50, 140))
+    for shown in (picture, picture[::-1], picture[:, ::-1].copy()):
+        for axis in (0, 1):
+            for back in (False, True):
+                lines = np.moveaxis(shown, axis, 0)[:: -1 if back else 1]
+                even = (lines.std(axis=1) < 1.5) & (abs(lines.mean(axis=1) - lines[0].mean()) < 3)
+                arguments = (np.ascontiguousarray(shown), axis, back, 1.5, 3.0)
+                assert _place_kernels.even_lines(*arguments) == int(even.argmin())
 
 
 def test_reduced_picture_has_the_amplitudes_of_the_whole_one() -> None:
