@@ -66,6 +66,9 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
     across = source_taps(WIDTH, columns, float(left), float(width))
     place, speed, shown = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0]), []
     for n in range(SCENE):
+        if n and not speed:
+            shown.append(shown[0])
+            continue
         luma = film[int(place + n * speed) % len(film)][:: turn[0], :: turn[1]]
         picture = np.ascontiguousarray(luma, dtype=np.float32)
         out = np.empty((HEIGHT, WIDTH), dtype=np.float32)
