@@ -19,7 +19,7 @@ VoteArray = NDArray[np.int16]
 
 @njit(cache=True)
 def even_lines(picture: PixelArray, axis: int, back: bool, even: float, same: float) -> int:
-    """Number of lines at one end of a picture that are even and alike.
+    """Count the lines at one end of a picture that are even and alike.
 
     axis : 0 for lines across, 1 for lines down; back : from the last one; even : standard deviation
     that no such line has; same : difference between its mean and that of the outermost line that no
