@@ -216,7 +216,7 @@ class Voice:
         """
         x = np.asarray(markers, dtype=np.float64)
         params = np.empty((len(x), len(self.layout)), dtype=np.float32)
-        params[:, self.face_columns] = anchored(self.face, x[:, _FACE], invert_face)
+        params[:, self.face_columns] = anchored(self.face, x[:, _FACE], invert_face, chords=True)
         params[:, self.hand_columns] = anchored(self.hand, x[:, _HAND], invert_hand)
         return params
 

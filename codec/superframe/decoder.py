@@ -47,6 +47,8 @@ class SuperframeDecoder:
     lips : bool
         Keep the lips to the phones' targets (`codec.superframe.lips`): for viewers; the bare
         parameters are those of the specification's vectors.
+    draw : bool
+        Whether to compute the motion; without it `params` have no frames, and scores cost a third.
 
     Examples
     --------
@@ -61,8 +63,8 @@ class SuperframeDecoder:
     (32, 31)
     """
 
-    def __init__(self, voice: Voice, *, lips: bool = False) -> None:
-        self.voice = voice
+    def __init__(self, voice: Voice, *, lips: bool = False, draw: bool = True) -> None:
+        self.voice, self._draws = voice, draw
         self._lips = LipContract(voice) if lips else None
         self._coding = coding_for(voice)
         self._contents: dict[int, Content] = {}
@@ -195,16 +197,7 @@ class SuperframeDecoder:
         joined = join(parts)
         score = joined.score()
         begin, end = index * SUPERFRAME_S - 1e-6, (index + 1) * SUPERFRAME_S - 1e-6
-        params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
-        if self._is_filmed(index):
-            sides = (
-                self._told(k, join(self._parts(k))) if self._is_filmed(k) else None
-                for k in (index - 1, index + 1)
-            )
-            params = blended(params, *sides)
-        if self._lips is not None:
-            face, ticks = params[:, :N_FACE_PARAMETERS], index * TICKS + np.arange(float(TICKS))
-            params[:, :N_FACE_PARAMETERS] = self._lips.kept(face, joined.spoken(), ticks)
+        params = self._drawn(index, joined) if self._draws else self._coding.mean[None][:0]
         return DecodedSuperframe(
             index,
             index * SUPERFRAME_S,
@@ -218,6 +211,20 @@ class SuperframeDecoder:
             index % SEQUENCES,
             content.slow if content else (),
         )
+
+    def _drawn(self, index: int, joined: MergedScore) -> Array:
+        """Return the parameters of a superframe as a viewer sees them, shape (32, P)."""
+        params = self._told(index, joined) if self._tells(index) else self._untold(index, joined)
+        if self._is_filmed(index):
+            sides = (
+                self._told(k, join(self._parts(k))) if self._is_filmed(k) else None
+                for k in (index - 1, index + 1)
+            )
+            params = blended(params, *sides)
+        if self._lips is not None:
+            face, ticks = params[:, :N_FACE_PARAMETERS], index * TICKS + np.arange(float(TICKS))
+            params[:, :N_FACE_PARAMETERS] = self._lips.kept(face, joined.spoken(), ticks)
+        return params
 
     def _parts(self, index: int) -> Parts:
         """Return the scores around a superframe, from previews where it was lost."""

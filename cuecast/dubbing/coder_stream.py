@@ -35,6 +35,9 @@ _ENCODERS = {
 USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k,mp2:192k"}
 """Coders of a profile's rehearsal by default."""
 
+_DECODED = ("fltp", "stereo", FS)
+"""Format, layout and rate of the decoded sound."""
+
 LONGEST_CHAIN = 4
 """Coders in a row: their delays add up, and the rehearsal looks for 8192 samples."""
 
@@ -80,7 +83,7 @@ class CoderStream:
         self._towards = av.AudioResampler(
             encoder.format, "stereo", FS, frame_size=encoder.frame_size or 1024
         )
-        self._back = av.AudioResampler("fltp", "stereo", FS)
+        self._back = av.AudioResampler(*_DECODED)
         self._time = 0
 
     def process(self, sound: Samples) -> Samples:
@@ -94,7 +97,9 @@ class CoderStream:
         for whole in self._towards.resample(frame):
             for packet in self._encoder.encode(whole):
                 for heard in self._decoder.decode(packet):
-                    parts += [part.to_ndarray() for part in self._back.resample(heard)]
+                    plain = (heard.format.name, heard.layout.name, heard.rate) == _DECODED
+                    same = [heard] if plain else self._back.resample(heard)
+                    parts += [part.to_ndarray() for part in same]
         return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
 
 

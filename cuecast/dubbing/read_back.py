@@ -206,7 +206,7 @@ def _received(
     for path, number, clock_s, listen, look in passes:
         with open_programme(path, track=number) as programme:
             reception = ProgrammeReceiver(
-                programme, voice, key=key, listen=listen, look=look, clock_s=clock_s
+                programme, voice, key=key, listen=listen, look=look, clock_s=clock_s, draw=False
             )
             reception.receiver.witness = witness
             for before, after in pairwise(one.until_s for one in reception.progress()):
@@ -319,7 +319,13 @@ def earlier_marks(
             opened.seek(start_s)
             try:
                 reception = ProgrammeReceiver(
-                    opened, voice, key=key, start_s=start_s, keep_keys=False, guess=False
+                    opened,
+                    voice,
+                    key=key,
+                    start_s=start_s,
+                    keep_keys=False,
+                    guess=False,
+                    draw=False,
                 )
             except CueError:  # neither a sound nor a picture that could have one
                 return {}

@@ -105,7 +105,14 @@ def receive(
     gathered = _Gathered(voice, keep_motion)
     with open_programme(source, track=track) as programme:
         reception = ProgrammeReceiver(
-            programme, voice, key=key, start_s=start_s, listen=listen, look=look, trust=trust
+            programme,
+            voice,
+            key=key,
+            start_s=start_s,
+            listen=listen,
+            look=look,
+            trust=trust,
+            draw=keep_motion,
         )
         until_s = start_s
         for reached in reception.progress():

@@ -54,9 +54,11 @@ class Receiver:
     trust : Trust, optional
         Whose cues these should be.
     guess : bool
-        Whether injuries of a sound without a mark are searched for.
+        Whether injuries of a sound without a mark, and crops of a picture, are searched for.
     calm : bool
         Whether the hand is held up where it is too fast to be read: for display.
+    draw : bool
+        Whether to give the motion, and not keys and states alone.
 
     Attributes
     ----------
@@ -82,7 +84,7 @@ class Receiver:
     def __init__(
         self, fs: int = 0, channels: int = 0, *, voice: Voice | None = None, key: int = 0,
         start_s: float = 0.0, keep_keys: bool = True, trust: Trust | None = None,
-        guess: bool = True, calm: bool = False,
+        guess: bool = True, calm: bool = False, draw: bool = True,
     ) -> None:  # fmt: skip
         self._guess = guess
         self.voice = load_voice() if voice is None else voice
@@ -90,7 +92,7 @@ class Receiver:
         self._pictures: PictureCarriers | None = None
         self._combiner = Combiner()
         self.witness: Callable[[Found], None] | None = None
-        self._tracker = TimelineTracker(self.voice, calm=calm)
+        self._tracker = TimelineTracker(self.voice, calm=calm, draw=draw)
         self._gate = None if trust is None else Gate(trust)
         self.fs, self.channels = fs, channels
         self._key, self._start_s = key, start_s
@@ -198,6 +200,7 @@ class Receiver:
             key=self._key,
             start_s=start_s,
             trial_s=AGAIN_S if in_vain else TRIAL_S,
+            guess=self._guess,
         )
 
     def see(self, luma: NDArray[Any]) -> list[Event]:

@@ -46,6 +46,8 @@ class PictureCarriers:
         Time of the first frame.
     trial_s : float
         How long to look where nothing is found.
+    guess : bool
+        Whether crops of the marked picture are searched for.
 
     Attributes
     ----------
@@ -55,10 +57,10 @@ class PictureCarriers:
 
     def __init__(
         self, width: int, height: int, fps: Fraction | float, *, depth: int = 8, key: int = 0,
-        start_s: float = 0.0, trial_s: float = TRIAL_S,
+        start_s: float = 0.0, trial_s: float = TRIAL_S, guess: bool = True,
     ) -> None:  # fmt: skip
         kinds: dict[str, Callable[[], Any]] = {
-            "video": lambda: VideoReceiver(width, height, fps, key=key, depth=depth),
+            "video": lambda: VideoReceiver(width, height, fps, key=key, depth=depth, crops=guess),
             "a335": lambda: A335Receiver(width, height, fps, depth=depth),
         }
         self._receivers: dict[str, Any] = {}

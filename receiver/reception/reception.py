@@ -55,9 +55,11 @@ class ProgrammeReceiver:
     trust : Trust, optional
         Whose cues these should be; its clock counts from the programme's zero.
     guess : bool
-        Whether injuries of a sound without a mark are searched for.
+        Whether injuries of a sound without a mark, and crops of a picture, are searched for.
     calm : bool
         Whether the hand is held up where it is too fast to be read: for display.
+    draw : bool
+        Whether to give the motion, and not keys and states alone.
 
     Attributes
     ----------
@@ -74,7 +76,7 @@ class ProgrammeReceiver:
     def __init__(
         self, programme: Programme, voice: Voice, *, key: int = 0, start_s: float = 0.0,
         listen: bool = True, look: bool = True, keep_keys: bool = True, clock_s: float = 0.0,
-        trust: Trust | None = None, guess: bool = True, calm: bool = False,
+        trust: Trust | None = None, guess: bool = True, calm: bool = False, draw: bool = True,
     ) -> None:  # fmt: skip
         self._programme = programme
         self._begin_s = clock_s + start_s
@@ -86,6 +88,7 @@ class ProgrammeReceiver:
             trust=trust,
             guess=guess,
             calm=calm,
+            draw=draw,
         )
         self._sound: _Listening | None = None
         self._picture: _Looking | None = None

@@ -102,6 +102,8 @@ class TimelineTracker:
         Decodes the parameters.
     calm : bool
         Whether the hand is held up where it is too fast to be read: for display.
+    draw : bool
+        Whether to give the motion, and not keys and states alone.
 
     Attributes
     ----------
@@ -111,9 +113,9 @@ class TimelineTracker:
         Superframes whose L0 arrived, those with L1 as well, and those that did not arrive.
     """
 
-    def __init__(self, voice: Voice, *, calm: bool = False) -> None:
-        self._voice = voice
-        self._decoder = SuperframeDecoder(voice, lips=True)
+    def __init__(self, voice: Voice, *, calm: bool = False, draw: bool = True) -> None:
+        self._voice, self._draws = voice, draw
+        self._decoder = self._fresh_decoder()
         self._calm = SlewRateLimiter(voice, RATE_HZ) if calm else None
         self._ends: dict[int, NDArray[np.float32]] = {}
         self._merger = ScoreMerger()
@@ -149,6 +151,9 @@ class TimelineTracker:
             known = read_header(l0) if l0 and isinstance(error, VoiceError) else None
             yield from self._refuse(known, on_air_s, error)
 
+    def _fresh_decoder(self) -> SuperframeDecoder:
+        return SuperframeDecoder(self._voice, lips=self._draws, draw=self._draws)
+
     def _refuse(
         self, header: Header | None, on_air_s: float, error: VoiceError | BitstreamError
     ) -> Iterator[Event]:
@@ -182,7 +187,7 @@ class TimelineTracker:
         richness = bool(copy.l1), len(copy.l0) + len(copy.l1 or b"")
         if goes_on and richness <= self._richness.get(index, (False, 0)):
             return
-        decoder = self._decoder if goes_on else SuperframeDecoder(self._voice, lips=True)
+        decoder = self._decoder if goes_on else self._fresh_decoder()
         decoded = decoder.push(copy.l0, copy.l1, index)
         lead_s = copy.header.lead * SUPERFRAME_S
         if not goes_on:
@@ -243,7 +248,7 @@ class TimelineTracker:
         self._recent.append(False)
         decoded = self._decoder.render(index)
         yield SuperframeLost(decoded.start_s + self._shift_s())
-        yield self._piece(decoded)
+        yield from self._pieces(decoded)
         yield from self._tell_keys(decoded)
 
     def _deliver(self, decoded: DecodedSuperframe) -> Iterator[Event]:
@@ -260,9 +265,9 @@ class TimelineTracker:
             self._ends.pop(old, None)
             self._richness.pop(old, None)
         for neighbour in (index - 1, index + 1):
-            if neighbour in self._layers:
-                yield self._piece(self._decoder.render(neighbour))
-        yield self._piece(decoded)
+            if neighbour in self._layers and self._draws:
+                yield from self._pieces(self._decoder.render(neighbour))
+        yield from self._pieces(decoded)
         yield from self._tell_keys(decoded)
 
     def _tell_keys(self, decoded: DecodedSuperframe) -> Iterator[Event]:
@@ -271,12 +276,15 @@ class TimelineTracker:
         if decoded.keys:
             yield KeysFound(self._placed(decoded.keys), final=False)
 
-    def _piece(self, decoded: DecodedSuperframe) -> MotionPiece:
+    def _pieces(self, decoded: DecodedSuperframe) -> Iterator[MotionPiece]:
+        """Yield the motion of a superframe if it is wanted."""
+        if not self._draws:
+            return
         params = np.clip(decoded.params, -MOST_PARAM, MOST_PARAM)
         if self._calm is not None:
             params = self._calm.calmed(params, self._ends.get(decoded.index - 1))
             self._ends[decoded.index] = params[-1]
-        return MotionPiece(
+        yield MotionPiece(
             decoded.start_s + self._shift_s(),
             RATE_HZ,
             params,

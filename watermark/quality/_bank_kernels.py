@@ -15,9 +15,11 @@ from watermark.quality._kernels import (
     adapt_into,
     group_into,
     loudness,
+    loudness_scale_into,
     modulation_difference,
     modulation_into,
     noise_loudness,
+    quiet_into,
     spread_into,
 )
 
@@ -86,6 +88,9 @@ def bank_frames_into(
     fresh = np.empty((2, n))
     adapted, modulation = np.empty((2, n)), np.empty((2, n))
     excitation = state[SMEARED : SMEARED + 2]
+    quiet, scale = np.empty(n), np.empty(n)
+    quiet_into(noise, 1.0, quiet)
+    loudness_scale_into(rows[4], rows[5], 1.26539, scale)
     for t in range(frames):
         for s in range(2):
             for q in range(steps):
@@ -107,15 +112,15 @@ def bank_frames_into(
                 history[s, q] = history[s, q + steps]
         adapt_into(excitation, decay, 1, 1, state, adapted)
         modulation_into(fresh, decay, frame_rate, state, modulation)
-        plain, _, weight = modulation_difference(modulation, state[MEAN], noise, 1.0)
+        plain, _, weight = modulation_difference(modulation, state[MEAN], quiet)
         out[t, MOD], out[t, WEIGHT] = math.sqrt(n) * plain, weight
         ref, test = modulation[0], modulation[1]
         added = noise_loudness(adapted[0], adapted[1], ref, test, noise, 2.5, 0.3, 1.0)
         out[t, NOISE] = added if added >= 0.1 else 0.0
         out[t, MISSING] = noise_loudness(adapted[1], adapted[0], test, ref, noise, 1.5, 0.15, 1.0)
         out[t, LINEAR] = noise_loudness(adapted[0], excitation[0], ref, ref, noise, 1.5, 0.15, 1.0)
-        out[t, LOUDNESS_REF] = loudness(excitation[0], rows[4], rows[5], 1.26539)
-        out[t, LOUDNESS_TEST] = loudness(excitation[1], rows[4], rows[5], 1.26539)
+        out[t, LOUDNESS_REF] = loudness(excitation[0], rows[4], rows[5], scale)
+        out[t, LOUDNESS_TEST] = loudness(excitation[1], rows[4], rows[5], scale)
 
 
 @njit(cache=True)

@@ -41,6 +41,9 @@ SUMS = 18
 SMOOTH_DETECTION, LARGEST_DETECTION, DISTORTED, FRAMES = 0, 1, 2, 4
 WHOLE_SUMS = 5
 
+LOG_HALF = math.log(0.5)
+"""Natural logarithm of a half."""
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -74,23 +77,41 @@ def spread_into(
     n = bands.size
     width = 27.0 / (n - 1)  # of a band in Bark, see `ear.SPREAD_BARK`
     lower = 10.0 ** (-2.7 * width * 0.4)
+    share, step = np.zeros(n + 3), np.zeros(n + 3)
     for b in range(n):
         out[b] = 0.0
+        level = math.log(bands[b])
+        fall = math.log(upper_slope[b]) + 0.2 * width * level
+        slope, beyond = math.exp(fall), (n - b) * fall
+        # Below e**-40 the rest of the series is lost in rounding.
+        rest = math.exp(beyond) if beyond > -40.0 else 0.0
+        upper_gain = (1.0 - rest) / (1.0 - slope)
+        share[b] = math.exp(0.4 * (level - math.log(lower_gain[b] + upper_gain - 1.0)))
+        step[b] = math.exp(0.4 * fall)
+    below = 0.0
+    for b in range(n - 1, -1, -1):
+        out[b] += below
+        below = lower * (below + share[b])
+    for b in range(0, n, 4):
+        # Four slopes at once do not wait for each other's products.
+        s0, s1, s2, s3 = share[b], share[b + 1], share[b + 2], share[b + 3]
+        for m in range(b, min(b + 3, n)):
+            out[m] += s0
+            s0 *= step[b]
+            if m > b:
+                out[m] += s1
+                s1 *= step[b + 1]
+            if m > b + 1:
+                out[m] += s2
+                s2 *= step[b + 2]
+        for m in range(b + 3, n):
+            out[m] += (s0 + s1) + (s2 + s3)
+            s0 *= step[b]
+            s1 *= step[b + 1]
+            s2 *= step[b + 2]
+            s3 *= step[b + 3]
     for b in range(n):
-        slope = upper_slope[b] * bands[b] ** (0.2 * width)
-        upper_gain = (1.0 - slope ** (n - b)) / (1.0 - slope)
-        peak = (bands[b] / (lower_gain[b] + upper_gain - 1.0)) ** 0.4
-        step = slope**0.4
-        share = peak
-        for m in range(b, n):
-            out[m] += share
-            share *= step
-        share = peak
-        for m in range(b - 1, -1, -1):
-            share *= lower
-            out[m] += share
-    for b in range(n):
-        out[b] = out[b] ** 2.5 / unit[b]
+        out[b] = out[b] * out[b] * math.sqrt(out[b]) / unit[b]
 
 
 @njit(cache=True)
@@ -154,15 +175,23 @@ def modulation_into(
 
 @njit(cache=True)
 def loudness(
-    excitation: FloatArray, threshold: FloatArray, index: FloatArray, unit: float
+    excitation: FloatArray, threshold: FloatArray, index: FloatArray, scale: FloatArray
 ) -> float:
-    """Total loudness in sone of one excitation pattern; `unit` belongs to the ear model."""
+    """Total loudness in sone of one excitation pattern; see `loudness_scale_into`."""
     total = 0.0
     for b in range(threshold.size):
         s = index[b]
-        scale = unit * (threshold[b] / (s * 1e4)) ** 0.23
-        total += max(0.0, scale * ((1.0 - s + s * excitation[b] / threshold[b]) ** 0.23 - 1.0))
+        total += max(0.0, scale[b] * ((1.0 - s + s * excitation[b] / threshold[b]) ** 0.23 - 1.0))
     return total * 24.0 / threshold.size
+
+
+@njit(cache=True)
+def loudness_scale_into(
+    threshold: FloatArray, index: FloatArray, unit: float, scale: FloatArray
+) -> None:
+    """Loudness of each band's unit; `unit` belongs to the ear model."""
+    for b in range(threshold.size):
+        scale[b] = unit * (threshold[b] / (index[b] * 1e4)) ** 0.23
 
 
 @njit(cache=True)
@@ -185,8 +214,10 @@ def noise_loudness(
     for b in range(noise.size):
         s_masker = factor * masker_modulation[b] + offset
         s_heard = factor * heard_modulation[b] + offset
+        extra = s_heard * heard[b] - s_masker * masker[b]
+        if extra <= 0.0:
+            continue
         beta = math.exp(-alpha * (heard[b] - masker[b]) / masker[b])
-        extra = max(0.0, s_heard * heard[b] - s_masker * masker[b])
         ratio = 1.0 + extra / (noise[b] + s_masker * masker[b] * beta)
         total += (noise[b] / s_heard) ** 0.23 * (ratio**0.23 - 1.0)
     return max(0.0, total * 24.0 / noise.size)
@@ -194,21 +225,28 @@ def noise_loudness(
 
 @njit(cache=True)
 def modulation_difference(
-    modulation: FloatArray, mean: FloatArray, noise: FloatArray, quiet: float
+    modulation: FloatArray, mean: FloatArray, quiet: FloatArray
 ) -> tuple[float, float, float]:
     """Plain and asymmetric difference of the modulations in percent, and the frame's weight.
 
-    Bands weigh less the nearer they are to `quiet` times the internal noise's loudness.
+    Bands weigh less the nearer they are to the loudness `quiet`, see `quiet_into`.
     """
     plain, asymmetric, weight = 0.0, 0.0, 0.0
-    n = noise.size
+    n = quiet.size
     for b in range(n):
         ref, test = modulation[0, b], modulation[1, b]
         difference = abs(ref - test)
         plain += difference / (1.0 + ref)
         asymmetric += (0.1 if ref > test else 1.0) * difference / (0.01 + ref)
-        weight += mean[b] / (mean[b] + quiet * noise[b] ** 0.3)
+        weight += mean[b] / (mean[b] + quiet[b])
     return 100.0 * plain / n, 100.0 * asymmetric / n, weight
+
+
+@njit(cache=True)
+def quiet_into(noise: FloatArray, times: float, quiet: FloatArray) -> None:
+    """Fill in multiples of the internal noise's loudness in each band."""
+    for b in range(noise.size):
+        quiet[b] = times * noise[b] ** 0.3
 
 
 @njit(cache=True)
@@ -239,8 +277,9 @@ def detection_into(excitation: FloatArray, probability: FloatArray, steps: Float
             step = 5.95072 * (6.39468 / mix) ** 1.71332 - 0.198719
             step += mix * (0.0550197 + mix * (-0.00102438 + mix * (5.05622e-6 + mix * 9.01033e-11)))
         difference = ref - test
-        exponent = 4.0 if ref > test else 6.0
-        p = 1.0 - 0.5 ** (abs(difference / step) ** exponent)
+        square = (difference / step) ** 2
+        exponent = square * square if ref > test else square * square * square
+        p = 1.0 - math.exp(LOG_HALF * exponent)
         probability[b] = max(probability[b], p)
         steps[b] = max(steps[b], abs(math.trunc(difference)) / step)
 
@@ -269,17 +308,22 @@ def frames_into(
     noise, upper_slope, lower_gain, unit = bands[0], bands[1], bands[2], bands[3]
     smear, decay = bands[4], bands[5]
     n = noise.size
-    weighted = np.empty((3, outer_ear.size))
+    bins = last[n - 1] + 1
+    weighted = np.empty((3, bins))
     grouped = np.empty(n)
     disturbance = np.empty(n)
     spread = np.empty((2, n))
     excitation = np.empty((2, n))
     adapted = np.empty((2, n))
     modulation = np.empty((2, n))
+    quiet, scale = np.empty(n), np.empty(n)
+    quiet_into(noise, 100.0, quiet)
+    loudness_scale_into(bands[6], bands[7], 1.07664, scale)
     for t in range(power.shape[1]):
-        for k in range(outer_ear.size):
-            for s in range(2):
+        for s in range(2):
+            for k in range(bins):
                 weighted[s, k] = outer_ear[k] * power[s, t, k]
+        for k in range(bins):
             weighted[2, k] = (math.sqrt(weighted[0, k]) - math.sqrt(weighted[1, k])) ** 2
         group_into(weighted[2], first, last, first_share, last_share, disturbance)
         for s in range(2):
@@ -300,13 +344,13 @@ def frames_into(
             mean += ratio / n
             largest = max(largest, ratio)
         out[t, NMR_MEAN], out[t, NMR_MAX] = mean, largest
-        plain, asymmetric, weight = modulation_difference(modulation, state[MEAN], noise, 100.0)
+        plain, asymmetric, weight = modulation_difference(modulation, state[MEAN], quiet)
         out[t, MOD_1], out[t, MOD_2], out[t, MOD_WEIGHT] = plain, asymmetric, weight
         out[t, NOISE_LOUDNESS] = noise_loudness(
             adapted[0], adapted[1], modulation[0], modulation[1], noise, 1.5, 0.15, 0.5
         )
-        out[t, LOUDNESS_REF] = loudness(excitation[0], bands[6], bands[7], 1.07664)
-        out[t, LOUDNESS_TEST] = loudness(excitation[1], bands[6], bands[7], 1.07664)
+        out[t, LOUDNESS_REF] = loudness(excitation[0], bands[6], bands[7], scale)
+        out[t, LOUDNESS_TEST] = loudness(excitation[1], bands[6], bands[7], scale)
         width_ref, width_test = bandwidths(power[0, t], power[1, t])
         out[t, BANDWIDTH_REF], out[t, BANDWIDTH_TEST] = width_ref, width_test
         detection_into(excitation, probability[t], steps[t])

@@ -191,8 +191,8 @@ def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
         Largest value of the spectrum of the normalised autocorrelation that exceeds the one before
         it, -1 where both are silent.
     """
-    ratio = np.log(np.maximum(power[1, :, : 2 * LAGS - 1], _FLOOR))
-    ratio -= np.log(np.maximum(power[0, :, : 2 * LAGS - 1], _FLOOR))
+    ref, test = np.maximum(power[:, :, : 2 * LAGS - 1], _FLOOR)
+    ratio = np.log(test / ref)
     ratio[:, 0] = 0.0  # the ear does not hear 0 Hz
     head = np.fft.rfft(ratio[:, :LAGS], 2 * LAGS)
     whole = np.fft.rfft(ratio, 2 * LAGS)

@@ -78,6 +78,8 @@ class VideoReceiver:
         Bits per sample.
     strength : float
         As the embedder's.
+    crops : bool
+        Whether the marked picture is searched in crops of this one, too.
 
     Attributes
     ----------
@@ -108,8 +110,9 @@ class VideoReceiver:
         key: int = 0,
         depth: int = 8,
         strength: float = 1.0,
+        crops: bool = True,
     ) -> None:
-        self._size = width, height, depth
+        self._size, self._crops = (width, height, depth), crops
         self._fps = Fraction(fps)
         Timing(self._fps)
         self._every = max(1, int(self._fps / ENOUGH_FPS))
@@ -278,7 +281,9 @@ class VideoReceiver:
 
     def _new_search(self) -> PlaceSearch:
         whole = _scaled(WHOLE, 1 / self._kept[0], 1 / self._kept[1])
-        return PlaceSearch(self._shape, self._timing, whole=whole, **self._options)
+        return PlaceSearch(
+            self._shape, self._timing, whole=whole, crops=self._crops, **self._options
+        )
 
     def _grid(self, region: Region) -> Grid:
         width, height, depth = self._size

@@ -98,6 +98,8 @@ class PlaceSearch:
         As the embedder's.
     whole : Region
         The picture in parts of the small one, which may have lost a line or column.
+    crops : bool
+        Whether other places than the usual ones are searched.
     """
 
     def __init__(
@@ -108,6 +110,7 @@ class PlaceSearch:
         key: int = 0,
         strength: float = 1.0,
         whole: Region = WHOLE,
+        crops: bool = True,
     ) -> None:
         self._timing, self._whole = timing, whole
         self._scores = PilotScores(PilotWatch(key, strength), shape)
@@ -129,7 +132,7 @@ class PlaceSearch:
                 scores.signs[0, common],
                 LOOKS,
             )
-            for _ in range(2)
+            for _ in range(2 * crops)
         ]
 
     def process(self, small: Small) -> list[PlaceCandidate]:
@@ -182,7 +185,7 @@ class PlaceSearch:
         ]
         found = [candidate for candidate in found if candidate.score >= LIKELY]
         superframes = self._looks // LOOKS
-        if superframes >= EAGER and superframes % 2:
+        if not self._tables or (superframes >= EAGER and superframes % 2):
             return found
         others = [
             place

@@ -40,7 +40,7 @@ _LONGEST_STEP = 3.0
 _TOLERANCE = 0.02
 """Step below which a frame is done, in standard deviations."""
 
-_NOISE_MM2 = 0.3
+NOISE_MM2 = 0.3
 """Variance in mm2 that the prior is weighed against: that of a marker's noise."""
 
 _SUSPECT_MM = 8.0
@@ -194,11 +194,10 @@ def _solve(
     for step in range(steps):
         now, seen, at = markers[active], visible[active], parameters[active]
         weight = marker_weights(model.residual(at, now), seen, robust=step >= plain)
-        projection, normal = normal_equations(model, at, weight, deviations)
-        inverse = np.linalg.inv(normal + _NOISE_MM2 * np.eye(at.shape[1]))
+        projection, inverse = gauss_newton(model, at, weight, deviations)
         for _ in range(2):
             residual = model.residual(at, now).reshape(len(at), -1, 1).astype(np.float32)
-            gradient = (projection @ residual)[..., 0] - _NOISE_MM2 * at
+            gradient = (projection @ residual)[..., 0] - NOISE_MM2 * at
             update = (inverse @ gradient[..., None])[..., 0]
             # Longer steps leave the range in which the slopes hold.
             longest = np.abs(update).max(1, keepdims=True)
@@ -210,6 +209,18 @@ def _solve(
         if not len(active):
             break
     return parameters
+
+
+def gauss_newton(
+    model: MarkerModel,
+    parameters: NDArray[np.float64],
+    weight: NDArray[np.float32],
+    deviations: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return the projection of `normal_equations` and the inverse of its matrix with the prior."""
+    projection, normal = normal_equations(model, parameters, weight, deviations)
+    inverse = np.linalg.inv(normal + NOISE_MM2 * np.eye(parameters.shape[1]))
+    return projection, np.asarray(inverse, dtype=np.float64)
 
 
 def normal_equations(
@@ -243,7 +254,7 @@ def normal_equations(
     if len(deviations):
         flat = deviations.reshape(len(deviations), -1)
         weighted = flat * per_coordinate
-        inner = weighted @ flat.T + np.float32(_NOISE_MM2) * np.eye(len(flat), dtype=np.float32)
+        inner = weighted @ flat.T + np.float32(NOISE_MM2) * np.eye(len(flat), dtype=np.float32)
         projection -= projection @ flat.T @ np.linalg.inv(inner) @ weighted
     return projection, (projection @ np.swapaxes(slopes, 1, 2)).astype(np.float64)
 

@@ -1,9 +1,10 @@
 """Inversion of markers that a model has made: all are seen, and they move without noise.
 
-Every fourth frame is inverted by itself; those between begin at what interpolation gives them, and
-need half of the steps. A frame may have found another solution than its neighbours, with more
-error: it begins anew at theirs, and the better one stays. What a frame becomes depends on the
-frames within `SIDE` of it alone.
+Every fourth frame is inverted by itself; those between begin at interpolated parameters, and need
+half of the steps. A face's slopes hardly change: its frames take two steps with those of the
+nearest fourth frame (chord method); a hand's frames would jump. A frame may have found another
+solution than its neighbours, with more error: it begins anew at theirs, and the better one stays.
+The result of a frame depends on the frames within `SIDE` of it alone.
 """
 
 from collections.abc import Callable
@@ -12,7 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.cuer.models.inversion import Confidence, MarkerModel, invert
+from codec.cuer.models.inversion import (
+    NOISE_MM2,
+    Confidence,
+    MarkerModel,
+    gauss_newton,
+    invert,
+    marker_weights,
+)
+from codec.cuer.models.threads import one_thread
 
 Inverting = Callable[[Any, NDArray[np.float64], Confidence], NDArray[np.float64]]
 
@@ -22,13 +31,16 @@ ANCHORED = 4
 SIDE = 2 * ANCHORED
 """Frames on either side that the result of a frame may depend on."""
 
+_CHORDS = 2
+"""Steps of a frame with another one's slopes: more move no marker of a face."""
+
 _POOR_MM = 1.5
 """Root mean square residual in mm from which a frame begins anew: half of such frames of the hand
 gain by it (48 of 89)."""
 
 
 def anchored(
-    model: MarkerModel, markers: NDArray[np.float64], found: Inverting
+    model: MarkerModel, markers: NDArray[np.float64], found: Inverting, *, chords: bool = False
 ) -> NDArray[np.float64]:
     """Return the parameters of markers that are all seen and move smoothly.
 
@@ -39,6 +51,8 @@ def anchored(
         Consecutive frames, T one more than a multiple of `ANCHORED`, millimetres.
     found : callable
         `invert_face` or `invert_hand`: every frame number `ANCHORED` is inverted by it.
+    chords : bool
+        Whether the others take the slopes of the nearest of these.
 
     Returns
     -------
@@ -49,9 +63,43 @@ def anchored(
     seen = np.ones(markers.shape[:2], dtype=np.bool_)
     anchors = found(model, markers[~between], seen[~between])
     out = np.stack([np.interp(frames, frames[~between], x) for x in anchors.T], axis=1)
-    out[between] = invert(model, markers[between], seen[between], out[between], near=True)
+    if chords:
+        _refine(model, markers, out)
+    else:
+        out[between] = invert(model, markers[between], seen[between], out[between], near=True)
     _repair(model, markers, out)
     return out
+
+
+@one_thread
+def _refine(
+    model: MarkerModel, markers: NDArray[np.float64], parameters: NDArray[np.float64]
+) -> None:
+    """Improve the frames between every fourth one by the latter's slopes, in place."""
+    anchors, near = parameters[::ANCHORED], markers[::ANCHORED]
+    weight = marker_weights(
+        model.residual(anchors, near), np.ones(near.shape[:2], dtype=np.bool_), robust=True
+    )
+    projection, inverse = gauss_newton(model, anchors, weight, model.deviations[:0])
+    gain = (inverse @ projection).astype(np.float32)
+    pull = NOISE_MM2 * inverse
+    between = np.arange(len(markers)) % ANCHORED != 0
+    nearest = [slice(0, -1)] * (ANCHORED // 2) + [slice(1, None)] * (ANCHORED - 1 - ANCHORED // 2)
+    now = markers[between]
+    at = parameters[between].reshape(-1, ANCHORED - 1, anchors.shape[1])
+    for _ in range(_CHORDS):
+        flat = at.reshape(len(now), anchors.shape[1])
+        residual = model.residual(flat, now).astype(np.float32)
+        residual = residual.reshape(*at.shape[:2], gain.shape[2], 1)
+        step = np.stack(
+            [
+                (gain[which] @ residual[:, n] - pull[which] @ at[:, n, :, None])[..., 0]
+                for n, which in enumerate(nearest)
+            ],
+            axis=1,
+        )
+        at = at + step
+    parameters[between] = at.reshape(len(now), anchors.shape[1])
 
 
 def _repair(

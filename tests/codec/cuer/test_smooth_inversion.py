@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from codec.cuer import layout
+from codec.cuer.models.inversion import invert_face
+from codec.cuer.models.smooth_inversion import anchored
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.score import Score
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -36,6 +39,17 @@ def test_it_is_as_near_to_the_markers_as_plain_inversion(
     plain = rms_mm(voice, voice.invert(markers, rate_hz=50.0).params, markers)
     smooth = rms_mm(voice, voice.invert_smooth(markers), markers)
     assert smooth.mean() < 1.02 * plain.mean()
+
+
+def test_a_face_is_as_near_by_the_slopes_of_other_frames(
+    cuer: GestureSynthesiser, score: Score
+) -> None:
+    model, markers = load_voice().face, cuer.markers(score, 0.0, FRAMES)[:, : layout.N_FACE]
+    far = [
+        np.sqrt((model.residual(found, markers) ** 2).sum(-1).mean())
+        for found in (anchored(model, markers, invert_face, chords=c) for c in (False, True))
+    ]
+    assert far[1] < 1.002 * far[0]
 
 
 def test_a_window_is_part_of_any_longer_one(cuer: GestureSynthesiser, score: Score) -> None:

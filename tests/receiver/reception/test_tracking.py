@@ -424,3 +424,10 @@ def with_phones(motion: Motion) -> Motion:
         middle = (key.start + key.end) / 2
         phones += [Phone("b", key.start, middle), Phone("ɔ̃", middle, key.end)]
     return replace(motion, score=replace(motion.score, phones=tuple(phones)))
+
+
+def test_without_motion_all_else_is_the_same() -> None:
+    sent = [(at_s, None if n in (5, 6) else one) for n, (at_s, one) in enumerate(SENT)]
+    drawn, bare = (run(TimelineTracker(VOICE, draw=draw), sent) for draw in (True, False))
+    assert not pieces(bare)
+    assert repr(bare) == repr([e for e in drawn if not isinstance(e, MotionPiece)])

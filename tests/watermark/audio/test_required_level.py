@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from watermark.audio.embed.design import MarkDesigner
 from watermark.audio.embed.level_control import LevelControl
+from watermark.audio.signal._kernels import change_cells
+from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.layout import make_layout
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of
 from watermark.audio.signal.profile import (
@@ -51,6 +54,27 @@ def test_more_bits_leave_less_noise() -> None:
     )
     # One bit and two on each of 300 bins: ratios of 3 and 15, 7 dB apart.
     assert 6 < 10 * np.log10(few / many) < 9
+
+
+def test_cells_are_changed_as_the_projection_asks() -> None:
+    rng = np.random.default_rng(3)
+    cells = make_layout(STANDARD, 0).cells
+    x = rng.normal(size=(4, cells.last_bin)).astype(np.float32)
+    unit = rng.uniform(0.5, 2.0, x.shape).astype(np.float32)
+    unit[2, cells.first_bin] = 0.0  # its cell is silent
+    wanted = rng.choice([-1.0, 0.0, 1.0], (4, cells.dither.size)).astype(np.float32)
+    whole = np.ones(cells.dither.size, dtype=np.float32)
+    change, living = mark_change(x, unit, cells, wanted, step=0.7, alpha=whole)
+    assert living == 1 - 1 / wanted.size
+    projected, alive = project(x + change, unit, cells)
+    error = projected / 0.7 - cells.dither - (1 - wanted) / 4
+    right = alive & (wanted != 0)
+    assert np.abs(error - np.round(error))[right].max() < 1e-5
+    assert not project(change, np.where(unit > 0, unit, 1), cells)[0][~right].any()
+    plain = getattr(change_cells, "py_func", change_cells)
+    again = np.zeros_like(change)
+    plain(x, unit, cells.signs, cells.first_bin, cells.dither, wanted, 0.7, whole, again)
+    np.testing.assert_allclose(again, change, atol=1e-6)
 
 
 @pytest.mark.parametrize("profile", [ROBUST, STANDARD, DISCREET])

@@ -23,8 +23,8 @@ def marked_frames() -> list[np.ndarray]:
     return mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, source()))[16:32]
 
 
-def found_places(frames: list[np.ndarray]) -> list[Region]:
-    seeker = PlaceSearch(frames[0].shape, Timing(Fraction(25)))
+def found_places(frames: list[np.ndarray], *, crops: bool = True) -> list[Region]:
+    seeker = PlaceSearch(frames[0].shape, Timing(Fraction(25)), crops=crops)
     small = [np.asarray(frame * SCALE, dtype=np.uint16) for frame in frames]
     return [candidate.region for frame in small for candidate in seeker.process(frame)]
 
@@ -45,6 +45,12 @@ def test_crop_of_each_side(sides: tuple[int, int, int, int]) -> None:
     assert place.top * height == pytest.approx(-top, abs=1)
     assert place.width * width == pytest.approx(WIDTH, abs=2)
     assert place.height * height == pytest.approx(HEIGHT, abs=2)
+
+
+def test_without_crops_the_usual_place_is_found() -> None:
+    assert found_places(marked_frames(), crops=False)[0] == WHOLE
+    cut = [np.ascontiguousarray(frame[:, 20:]) for frame in marked_frames()]
+    assert not found_places(cut, crops=False)
 
 
 def test_bars_on_all_sides() -> None:

@@ -2,20 +2,23 @@
 
 In: the programme's mid, payloads and a level; out: the mark's samples. Masking thresholds are
 derived again from the marked sound until they agree with those that the mark was made with (Baras,
-Moreau and Dymarski, IEEE TASLP 14(5), 2006). Specification: spec/audio-carrier.md, W18 to W28.
+Moreau and Dymarski, IEEE TASLP 14(5), 2006). Single precision, as in the receiver.
+Specification: spec/audio-carrier.md, W18 to W28.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow.align import thresholds_of
 from watermark.audio.signal.channel_choice import MID
-from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of, synthesise
-from watermark.audio.signal.profile import HOP, AudioProfile
+from watermark.audio.signal.profile import HOP, PILOT_SLOTS, AudioProfile
 from watermark.audio.signal.required_level import coder_noise, needed_level
 from watermark.link.link import Link
 
@@ -40,7 +43,7 @@ CARRYING = 0.35
 class MarkedSuperframe:
     """Mark of one superframe: samples, shape (1 or 2, SUPERFRAME + HOP), and whether it is one."""
 
-    mark: NDArray[np.float64]
+    mark: NDArray[np.floating[Any]]
     carries: bool
 
 
@@ -53,9 +56,12 @@ class MarkDesigner:
         self._pilots = make_pilots(key)
         # Nothing is written above.
         self._end = max(self._layout.cells.last_bin, self._pilots.cells.last_bin)
-        self._alpha = np.linspace(*profile.alphas, profile.groups)
-        self._announced = self._pilots.expected(profile.number)
+        self._alpha = np.linspace(*profile.alphas, profile.groups, dtype=np.float32)
+        self._pilot_alpha = np.full(PILOT_SLOTS, self._alpha.mean())
+        self._announced = self._pilots.expected(profile.number).astype(np.float32)
         self._masker = make_masker()
+        self._bands = int(np.searchsorted(self._masker.edges, self._end))
+        self._widths = np.diff(np.minimum(self._masker.edges[: self._bands + 1], self._end))
         self._link = Link(profile)
 
     def design(
@@ -91,21 +97,34 @@ class MarkDesigner:
         """
         sound = np.concatenate([before[0], host[0]])
         wanted, announced = self._wanted(sound, payload)
-        spectra = analyse(frames_of(sound, HOP), HOP)
-        coefficients = spectra[1:, : self._end].real
-        mark = np.zeros(host.shape)
+        mark = np.zeros(host.shape, dtype=np.float32)
+        spectra = self._spectra(sound)
+        coefficients = np.ascontiguousarray(spectra[1:, : self._end].real)
         for left in reversed(range(rounds)):
-            threshold = self._masker.thresholds(np.abs(spectra) ** 2 / 2)
-            unit = self._masker.amplitudes(threshold[1:], threshold[:-1], self._end)
-            living = float(project(coefficients, unit, self._layout.cells)[1].mean())
+            unit = self._units(spectra, spectra[:0])[0]
+            change, living = self._change(coefficients, unit, wanted, announced, level)
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)
-            change = self._change(coefficients, unit, wanted, announced, level)
-            mark[0] = synthesise(change if gains is None else gains[:, np.newaxis] * change, HOP)
+            if gains is not None:
+                change *= gains[:, np.newaxis]
+            mark[0] = synthesise(change, HOP)
             if left:
                 sound[HOP:] = host[0] + mark[0]
-                spectra = analyse(frames_of(sound, HOP), HOP)
+                spectra = self._spectra(sound)
         return MarkedSuperframe(mark, carries=True)
+
+    def _spectra(self, sound: NDArray[np.float64]) -> NDArray[np.complex64]:
+        """Spectra of the frames of samples, shape (65, HOP)."""
+        frames: NDArray[np.complex64] = analyse(frames_of(sound.astype(np.float32), HOP), HOP)
+        return frames
+
+    def _units(
+        self, mid: NDArray[np.complex64], side: NDArray[np.complex64]
+    ) -> NDArray[np.float32]:
+        """Mask's units of mid, left and right, or of the mid without a side, (3, 64, bins)."""
+        thresholds = thresholds_of(mid, side, self._masker)
+        units = self._masker.units(thresholds[:, 1:], thresholds[:, :-1])[..., : self._bands]
+        return np.repeat(units.astype(np.float32), self._widths, axis=2)
 
     def need(
         self, before: NDArray[np.float64], mid: NDArray[np.float64], side: NDArray[np.float64]
@@ -119,36 +138,34 @@ class MarkDesigner:
         mid, side : ndarray of float64, shape (SUPERFRAME + HOP,)
             The programme; `side` is silence where there is none.
         """
-        sound = np.concatenate([before, mid])
-        spectra = analyse(frames_of(sound, HOP), HOP)
-        power = np.abs(spectra) ** 2 / 2
-        threshold = self._masker.thresholds(power)
-        unit = self._masker.amplitudes(threshold[1:], threshold[:-1])
-        coded = [power[1:]]
+        spectra = self._spectra(np.concatenate([before, mid]))
+        unit = self._units(spectra, spectra[:0])[0]
+        coded = [_powers(spectra[1:])]
         if side.any():
-            coded.append(np.abs(analyse(frames_of(side, HOP), HOP)) ** 2 / 2)
+            coded.append(_powers(self._spectra(side)))
         noise = coder_noise(coded, self._masker, self._profile.coder_bits)
         return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
 
     def _wanted(
         self, sound: NDArray[np.float64], payload: tuple[bytes, bytes]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Soft values that data cells and pilots are to have, 0 where nothing is written."""
         open_frames = ~pre_echoing(sound)[:, np.newaxis]
         data = self._layout.spread(1.0 - 2.0 * self._link.encode(*payload))
-        return open_frames * data, open_frames * self._announced
+        return (open_frames * data).astype(np.float32), open_frames * self._announced
 
     def _change(
         self,
-        coefficients: NDArray[np.float64],
-        unit: NDArray[np.float64],
-        wanted: NDArray[np.float64],
-        announced: NDArray[np.float64],
+        coefficients: NDArray[np.float32],
+        unit: NDArray[np.float32],
+        wanted: NDArray[np.float32],
+        announced: NDArray[np.float32],
         level: float,
-    ) -> NDArray[np.float64]:
+    ) -> tuple[NDArray[np.float32], float]:
+        """Change of the coefficients, and the share of the data cells that can carry."""
         nearest = round(level)
-        share = 2 ** ((level - nearest) / 4)
-        data = mark_change(
+        share = np.float32(2 ** ((level - nearest) / 4))
+        data, living = mark_change(
             coefficients,
             unit,
             self._layout.cells,
@@ -156,15 +173,20 @@ class MarkDesigner:
             step=self._profile.step(nearest),
             alpha=self._alpha * share,
         )
-        pilots = mark_change(
+        pilots, _ = mark_change(
             coefficients,
             unit,
             self._pilots.cells,
             announced,
             step=self._profile.pilot_step(nearest),
-            alpha=self._alpha.mean() * share,
+            alpha=self._pilot_alpha * share,
         )
-        return data + pilots
+        return data + pilots, living
+
+
+def _powers(spectra: NDArray[np.complex64]) -> NDArray[np.float32]:
+    """Return the expected power of the MDCT coefficients."""
+    return np.asarray((spectra.real**2 + spectra.imag**2) / 2)
 
 
 def pre_echoing(sound: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -6,16 +6,18 @@ towards left or right in some superframes. Where left and right are nearly alike
 all three, as in mono. Specification: spec/audio-carrier.md, W43 to W46.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from watermark.audio.embed.design import CARRYING, ITERATIONS, MarkDesigner, MarkedSuperframe
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
-from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import Cells
-from watermark.audio.signal.mdct import analyse, frames_of, synthesise
+from watermark.audio.signal.mdct import synthesise
 from watermark.audio.signal.profile import HOP, AudioProfile
-from watermark.audio.signal.stereo import channels_of, stereo_units
+from watermark.audio.signal.stereo import channels_of
 
 ALIKE = 1 / 16
 """Greatest difference, in steps, between the errors in its channel and in the mid of a cell that
@@ -29,7 +31,7 @@ LEANING_PERIOD = 6
 """One superframe in this many has pilots that lean towards left and one towards right: who hears
 one channel only finds it within 4 s, and the grade hardly falls."""
 
-TINY = float(np.finfo(float).tiny)
+TINY = float(np.finfo(np.float32).tiny)
 
 
 class StereoDesigner(MarkDesigner):
@@ -59,73 +61,77 @@ class StereoDesigner(MarkDesigner):
             )
         sound = np.concatenate([before, host], axis=1)
         wanted, announced = self._wanted(sound[0], payload)
-        spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
+        spectra = [self._spectra(x) for x in sound]
         coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
-        mark = np.zeros(host.shape)
+        mark = np.zeros(host.shape, dtype=np.float32)
         places = np.full_like(self._places, MID) if leaning is None else self._places
         for left in reversed(range(rounds)):
-            units = stereo_units(spectra[0], spectra[1], self._masker, self._end)
+            units = self._units(spectra[0], spectra[1])
             own = coefficients[MID], units[MID]
             if leaning is not None:
                 own = self._chosen(coefficients), self._chosen(units)
-            if float(project(*own, self._layout.cells)[1].mean()) < CARRYING:
+            change, living = self._data(coefficients, units, own, places, wanted, level)
+            if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)
-            change = self._data(coefficients, units, own, places, wanted, level)
             change += self._leaning(coefficients, units, announced, level, leaning or MID)
             if gains is not None:
                 change *= gains[:, np.newaxis]
             mark = np.stack([synthesise(part, HOP) for part in change])
             if left:
                 sound[:, HOP:] = host + mark
-                spectra = [analyse(frames_of(x, HOP), HOP) for x in sound]
+                spectra = [self._spectra(x) for x in sound]
         return MarkedSuperframe(mark, carries=True)
 
-    def _chosen(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _chosen(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values of mid, left and right, shape (3, 64, bins), where each cell stands."""
         return np.take(values, self._own).reshape(self._places.shape)
 
     def _data(
         self,
-        coefficients: NDArray[np.float64],
-        units: NDArray[np.float64],
-        own: tuple[NDArray[np.float64], NDArray[np.float64]],
+        coefficients: NDArray[np.float32],
+        units: NDArray[np.float32],
+        own: tuple[NDArray[np.float32], NDArray[np.float32]],
         places: NDArray[np.int64],
-        wanted: NDArray[np.float64],
+        wanted: NDArray[np.float32],
         level: float,
-    ) -> NDArray[np.float64]:
-        """Find the changes of mid and side that write the data cells, shape (2, 64, bins)."""
+    ) -> tuple[NDArray[np.float32], float]:
+        """Find the changes of mid and side that write the data cells, shape (2, 64, bins).
+
+        Return with them the share of the cells that can carry.
+        """
         cells = self._layout.cells
         step, alpha = self._profile.step(round(level)), self._alpha * share_of(level)
-        mid = mark_change(coefficients[MID], units[MID], cells, wanted, step=step, alpha=alpha)
-        mine = mark_change(*own, cells, wanted, step=step, alpha=alpha)
+        mid, _ = mark_change(coefficients[MID], units[MID], cells, wanted, step=step, alpha=alpha)
+        mine, living = mark_change(*own, cells, wanted, step=step, alpha=alpha)
         # What the other channel would have to do for the mid to be written, too.
         others = np.where(places == LEFT, units[RIGHT], units[LEFT])
         largest = _largest(step, alpha, cells, self._end)
         alike = _alike(mine, own[1], mid, units[MID], largest)
         other = np.clip(alike * (2 * mid - mine), -largest * others, largest * others)
-        hand = (places == LEFT).astype(np.float64) - (places == RIGHT)
-        return np.stack(
+        hand = (places == LEFT).astype(np.float32) - (places == RIGHT)
+        change = np.stack(
             [
                 np.where(hand != 0, (mine + other) / 2, mid),
                 np.where(hand != 0, hand * (mine - other) / 2, _across(units) * mid),
             ]
         )
+        return change, living
 
     def _leaning(
         self,
-        coefficients: NDArray[np.float64],
-        units: NDArray[np.float64],
-        announced: NDArray[np.float64],
+        coefficients: NDArray[np.float32],
+        units: NDArray[np.float32],
+        announced: NDArray[np.float32],
         level: float,
         channel: int,
-    ) -> NDArray[np.float64]:
+    ) -> NDArray[np.float32]:
         """Find the changes of mid and side that write the pilots, shape (2, 64, bins)."""
         cells = self._pilots.cells
         step = self._profile.pilot_step(round(level))
-        alpha = float(self._alpha.mean() * share_of(level))
+        alpha = self._pilot_alpha * share_of(level)
 
-        def change(x: NDArray[np.float64], unit: NDArray[np.float64]) -> NDArray[np.float64]:
-            return mark_change(x, unit, cells, announced, step=step, alpha=alpha)
+        def change(x: NDArray[np.float32], unit: NDArray[np.float32]) -> NDArray[np.float32]:
+            return mark_change(x, unit, cells, announced, step=step, alpha=alpha)[0]
 
         mid = change(coefficients[MID], units[MID])
         if channel == MID:
@@ -146,35 +152,36 @@ def leaning_of(number: int) -> int:
     return {0: LEFT, LEANING_PERIOD // 2: RIGHT}.get(number % LEANING_PERIOD, MID)
 
 
-def share_of(level: float) -> float:
+def share_of(level: float) -> np.float32:
     """Part of alpha that makes up for the step of the nearest whole level."""
-    return float(2 ** ((level - round(level)) / 4))
+    return np.float32(2 ** ((level - round(level)) / 4))
 
 
-def _across(units: NDArray[np.float64]) -> NDArray[np.float64]:
+def _across(units: NDArray[np.float32]) -> NDArray[np.float32]:
     """Part of the mid's mark that left has more and right less: by what each masks."""
     both = np.maximum(units[LEFT] + units[RIGHT], TINY)
     return np.asarray((units[LEFT] - units[RIGHT]) / both)
 
 
-def _largest(step: float, alpha: ArrayLike, cells: Cells, bins: int) -> NDArray[np.float64]:
+def _largest(step: float, alpha: ArrayLike, cells: Cells, bins: int) -> NDArray[np.float32]:
     """Largest change of each bin in units of the mask, shape (bins,)."""
-    largest = np.zeros(bins)
-    change = np.asarray(alpha) * step / 2 / np.sqrt(cells.bins)
+    largest = np.zeros(bins, dtype=np.float32)
+    change = np.asarray(alpha) * step / 2 / math.sqrt(cells.bins)
     per_cell = np.broadcast_to(change, cells.dither.shape)
     largest[cells.first_bin : cells.last_bin] = np.repeat(per_cell, cells.bins)
     return largest
 
 
 def _alike(
-    mine: NDArray[np.float64],
-    unit: NDArray[np.float64],
-    mid: NDArray[np.float64],
-    mid_unit: NDArray[np.float64],
-    largest: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    mine: NDArray[np.float32],
+    unit: NDArray[np.float32],
+    mid: NDArray[np.float32],
+    mid_unit: NDArray[np.float32],
+    largest: NDArray[np.float32],
+) -> NDArray[np.float32]:
     """How far a cell may be written in its channel and in the mid: 1 where errors agree, 0 else."""
     alive = (unit > 0) & (mid_unit > 0) & (largest > 0)
-    apart = np.abs(mine / np.where(alive, unit, 1.0) - mid / np.where(alive, mid_unit, 1.0))
-    part = apart / np.where(largest > 0, 2 * largest, 1.0)
-    return np.where(alive, np.clip(2 - part / ALIKE, 0.0, 1.0), 0.0)
+    one, zero = np.float32(1), np.float32(0)
+    apart = np.abs(mine / np.where(alive, unit, one) - mid / np.where(alive, mid_unit, one))
+    part = apart / np.where(largest > 0, 2 * largest, one)
+    return np.where(alive, np.clip(2 - part / ALIKE, 0.0, 1.0), zero)

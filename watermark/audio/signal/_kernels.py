@@ -45,6 +45,43 @@ def interpolate(
         out[n] = low + part * (high - low)
 
 
+@njit(cache=True, fastmath={"contract"})
+def change_cells(
+    coefficients: NDArray[np.float32],
+    amplitudes: NDArray[np.float32],
+    signs: NDArray[np.float64],
+    first: int,
+    dither: NDArray[np.float64],
+    wanted: NDArray[np.float32],
+    step: float,
+    alpha: NDArray[np.float32],
+    change: NDArray[np.float32],
+) -> int:
+    """Fill change[t, k] of the cells from bin `first` on; return how many can carry.
+
+    See `watermark.audio.signal.dither.mark_change`.
+    """
+    bins, living = signs.size // dither.size, 0
+    root = math.sqrt(bins)
+    for t in range(wanted.shape[0]):
+        for g in range(dither.size):
+            total, alive = 0.0, True
+            for i in range(g * bins, (g + 1) * bins):
+                unit = amplitudes[t, first + i]
+                if unit > 0:
+                    total += coefficients[t, first + i] * signs[i] / unit
+                else:
+                    alive = False
+            living += alive
+            if not alive or wanted[t, g] == 0:
+                continue
+            error = (dither[g] + (1.0 - wanted[t, g]) / 4.0) - total / (root * step)
+            move = alpha[g] * step * (error - math.floor(error + 0.5)) / root
+            for i in range(g * bins, (g + 1) * bins):
+                change[t, first + i] = move * signs[i] * amplitudes[t, first + i]
+    return living
+
+
 SINE = (
     6.283185307179586, -41.341702240399755, 81.60524927607504, -76.70585975306136,
     42.058693944897644, -15.094642576822984, 3.8199525848482793, -0.7181223017785001,

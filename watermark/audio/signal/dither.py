@@ -7,10 +7,11 @@ lattice that the bit shifts by half a step. Sources: Chen and Wornell, IEEE Tran
 Costa, IEEE Trans. IT 29(3), 1983. Specification: spec/audio-carrier.md, W18, W19 and W22.
 """
 
+import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from watermark.audio.signal.layout import Cells
 
@@ -40,10 +41,10 @@ def project(
     """
     unit = _cut(amplitudes, cells)
     dead = unit <= 0
-    signs = cells.signs.reshape(-1, cells.bins)
-    u = _cut(coefficients, cells) * signs / np.where(dead, 1.0, unit)
+    signs = cells.signs.reshape(-1, cells.bins).astype(coefficients.dtype)
+    u = _cut(coefficients, cells) * signs / np.where(dead, unit.dtype.type(1), unit)
     alive = np.asarray(~dead.any(axis=2))
-    return np.where(alive, u.sum(axis=2), 0.0) / np.sqrt(cells.bins), alive
+    return np.where(alive, u.sum(axis=2), u.dtype.type(0)) / math.sqrt(cells.bins), alive
 
 
 def soft_values(
@@ -58,38 +59,40 @@ def soft_values(
 
 
 def mark_change(
-    coefficients: NDArray[np.float64],
-    amplitudes: NDArray[np.float64],
+    coefficients: NDArray[np.float32],
+    amplitudes: NDArray[np.float32],
     cells: Cells,
-    wanted: NDArray[np.float64],
+    wanted: NDArray[np.float32],
     *,
     step: float,
-    alpha: ArrayLike,
-) -> NDArray[np.float64]:
+    alpha: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], float]:
     """Change of the coefficients that brings cells towards wanted soft values.
 
     Parameters
     ----------
-    coefficients, amplitudes : ndarray of float64, shape (T, bins)
+    coefficients, amplitudes : ndarray of float32, shape (T, bins)
         MDCT coefficients and the amplitude of the mark's unit.
     cells : Cells
         Where to write.
-    wanted : ndarray of float64, shape (T, groups)
+    wanted : ndarray of float32, shape (T, groups)
         +1 for bit 0, -1 for bit 1, 0 where the cell must stay as it is.
     step : float
         Quantiser step in units of the mask's amplitude.
-    alpha : array_like of float, shape () or (groups,)
+    alpha : ndarray of float32, shape (groups,)
         Part of the quantisation error to remove.
 
     Returns
     -------
-    ndarray of float64, shape (T, bins)
+    change : ndarray of float32, shape (T, bins)
+    living : float
+        Share of the cells that can carry.
     """
-    projections, alive = project(coefficients, amplitudes, cells)
-    error = (cells.dither + (1 - wanted) / 4) * step - projections
-    error -= step * np.round(error / step)
-    move = np.where(alive & (wanted != 0), np.asarray(alpha) * error, 0.0) / np.sqrt(cells.bins)
+    from watermark.audio.signal import _kernels
+
     change = np.zeros_like(coefficients)
-    spread = cells.signs.reshape(-1, cells.bins) * move[:, :, np.newaxis]
-    _cut(change, cells)[:] = spread * _cut(amplitudes, cells)
-    return change
+    living = _kernels.change_cells(
+        coefficients, amplitudes, cells.signs, cells.first_bin, cells.dither, wanted, step, alpha,
+        change,
+    )  # fmt: skip
+    return change, living / wanted.size

@@ -105,31 +105,33 @@ def sliding_tables(
     return wave.astype(np.float32), turn.astype(np.float32)
 
 
-def synthesise(coefficients: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
+def synthesise(coefficients: NDArray[Any], hop: int) -> NDArray[Any]:
     """Overlap-add the inverse MDCT of coefficients.
 
     Parameters
     ----------
-    coefficients : ndarray of float64, shape (T, bins)
+    coefficients : ndarray of float64 or float32, shape (T, bins)
         MDCT coefficients of the lowest bins, at most `hop`; the others are zero.
     hop : int
         Half the frame length.
 
     Returns
     -------
-    ndarray of float64, shape ((T + 1) * hop,)
+    ndarray of float64 or float32, shape ((T + 1) * hop,)
         Samples; the first and the last `hop` of them still lack their neighbour frame.
     """
     tables = _tables(hop)
     count, bins = coefficients.shape
-    spectrum = np.zeros((count, hop + 1), dtype=np.complex128)
-    np.multiply(coefficients, tables.own[:bins].conj(), out=spectrum[:, :bins])
-    spectrum[:, 1 : bins + 1] += coefficients * tables.next[:bins].conj()
+    kind = np.result_type(coefficients.dtype, np.complex64)
+    own, following = (x[:bins].conj().astype(kind) for x in (tables.own, tables.next))
+    spectrum = np.zeros((count, hop + 1), dtype=kind)
+    np.multiply(coefficients, own, out=spectrum[:, :bins])
+    spectrum[:, 1 : bins + 1] += coefficients * following
     # A real inverse transform counts all bins but the first and the last twice.
     spectrum[:, ::hop] *= 2
     y = scipy.fft.irfft(spectrum, axis=1)
     y *= hop
-    out = np.zeros((count + 1, hop))
+    out = np.zeros((count + 1, hop), dtype=y.dtype)
     out[:count] = y[:, :hop]
     out[1:] += y[:, hop:]
     return out.reshape(-1)
