@@ -45,7 +45,8 @@ cost 0.1 to 1.3 more than the likeliest, under music more, those of other texts 
 
 OUTSIDE_COST = 1.0
 """The same before and after a text without times, which may be of a part of the sound: less than
-the phones of the text cost where others are spoken."""
+the phones of the text cost where others are spoken. Silence costs there what it costs in a pause:
+otherwise a word is moved out of the text to the other side of a long pause."""
 
 FILLER_ENTRY = 10.0
 """Cost of a stretch of other speech, however long; of 10 and 20 both misplace as few words."""
@@ -125,9 +126,10 @@ def _aligned(passage: SpokenPassage) -> Aligned:
 def _costs(passage: SpokenPassage) -> NDArray[np.float64]:
     """Return running sums of the cost of each phone, and of other speech, in each frame."""
     cost = -passage.likelihoods().astype(np.float64).T
+    silence = cost[PHONE_NUMBER[PAUSE]]
     best = np.delete(cost, PHONE_NUMBER[PAUSE], axis=0).min(axis=0)
     sums = np.zeros((len(cost) + 2, cost.shape[1] + 1))
-    other = (best + FILLER_COST, best + OUTSIDE_COST)
+    other = (best + FILLER_COST, np.minimum(best + OUTSIDE_COST, silence))
     np.cumsum(np.vstack([cost, *other]), axis=1, out=sums[:, 1:])
     return sums
 
