@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from codec.analysis.readability import Classes
 from codec.cuer.layout import MARKERS
 from codec.cuer.voice import load_voice
 from codec.cues.score import PLACEMENT_NUMBER
+from receiver.television import server
 from receiver.television.tuner import MotionTuner
 from synth.motion.rules.gesture import GestureSynthesiser
 from synth.planning.prosody.pacing import READABLE
 from synth.planning.scoring.text_score import Reading, score_of_text
+from synth.studio.recital import sentences
 from tests.chromium import Page
 from tests.system.test_page import make_programme, watch
 
@@ -24,13 +27,11 @@ TEXT = (
     "Demain matin nous partirons de bonne heure voir les bateaux."
 )
 
-SECONDS = 10.0
-
-LIT = f"""(() => {{
+LIT = """(() => {{
     const [frame, at] = [window.requestAnimationFrame, cuecast.clock.at];
     window.requestAnimationFrame = () => 0;
     const found = [];
-    for (let timeS = 0.5; timeS < {SECONDS}; timeS += 0.04) {{
+    for (let timeS = 0.5; timeS < {seconds}; timeS += 0.04) {{
         cuecast.clock.at = () => timeS;
         cuecast.tick(performance.now());
         const lit = document.querySelector('#keys li.now small');
@@ -53,18 +54,25 @@ def nearest_key(
     return [f"{n % 5 + 1}{n // 5 + 1}" for n in numbers.tolist()]
 
 
-def test_the_lit_key_is_the_hand_s_in_every_picture(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "text", [TEXT, pytest.param(" ".join(sentences(held_out=True)[20:32]), marks=pytest.mark.slow)]
+)
+def test_the_lit_key_is_the_hand_s_in_every_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setattr(server, "AHEAD_S", 300.0)  # all keys are there before the first picture
     voice = load_voice()
-    score = score_of_text(TEXT, start_s=1.0, reading=Reading(pace=READABLE))
+    score = score_of_text(text, start_s=1.0, reading=Reading(pace=READABLE))
+    seconds = score.phones[-1].end
     cuer = GestureSynthesiser(rate_hz=50.0, seed=5)
-    motion = cuer.motion(score, 0.0, 640, voice)
-    programme = make_programme(tmp_path / "bars.mp4", 320, 180, 25, seconds=12)
+    motion = cuer.motion(score, 0.0, round((seconds + 1) * cuer.rate_hz), voice)
+    programme = make_programme(tmp_path / "bars.mp4", 320, 180, 25, seconds=round(seconds) + 1)
     found: list[list[str | float]] = []
 
     async def visit(page: Page) -> None:
-        await page.until("cuecast.timeline.keys.length > 25")
+        await page.until(f"cuecast.timeline.keys.length > {0.9 * len(score.keys)}")
         await page.evaluate("cuecast.settings.set('style', 'points')")
-        found.extend(json.loads(await page.evaluate(LIT)))
+        found.extend(json.loads(await page.evaluate(LIT.format(seconds=seconds))))
 
     watch(programme, visit, MotionTuner(motion), voice=voice)
     times = np.array([float(time_s) for time_s, _ in found])

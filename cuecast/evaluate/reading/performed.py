@@ -55,7 +55,13 @@ def simulated_takes(cuer: str, scores: Sequence[Score], *, seed: int = 0) -> lis
 
 
 def filmed_takes(
-    voice: Voice, scores: Sequence[Score], *, tracker: str, folder: Path, seed: int = 0
+    voice: Voice,
+    scores: Sequence[Score],
+    *,
+    tracker: str,
+    folder: Path,
+    seed: int = 0,
+    size: tuple[int, int] = _SIZE,
 ) -> list[ReaderTake]:
     """Return takes of the avatar: a rule-based performance, coded, decoded, drawn, filmed, tracked.
 
@@ -68,6 +74,8 @@ def filmed_takes(
     folder : Path
         For the films.
     seed : int
+    size : tuple of int
+        Width and height of the pictures.
     """
     takes = []
     for number, score in enumerate(scores, start=seed):
@@ -82,7 +90,7 @@ def filmed_takes(
             np.zeros((round(_FS * seconds), 1), np.float32),
             _FS,
             encoder="flac",
-            pictures=draw(motion, voice, times, style="avatar", size=_SIZE),
+            pictures=draw(motion, voice, times, style="avatar", size=size),
             picture_rate=_PICTURES_HZ,
         )
         aspect = track(path, tracker, path.with_suffix(".csv"))
