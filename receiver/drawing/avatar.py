@@ -21,7 +21,7 @@ from codec.errors import CueError
 from codec.files.npz import read_arrays
 from receiver.drawing._surface_kernels import refine_into
 from receiver.drawing.mouth import Mouth
-from receiver.drawing.movement import RULES, Expression
+from receiver.drawing.movement import RULES, Expression, lean
 from receiver.drawing.skeleton import Pose, Skeleton, between, gaze_in_head, solve
 
 ASSETS = Path(__file__).parents[1] / "assets"
@@ -172,7 +172,7 @@ class Avatar:
         head, hand = self._place_head(p, pose, added), self._place_hand(p, pose)
         placed = np.concatenate([head, hand], axis=1)
         if added is not None:
-            placed += added.trunk[:, None]
+            lean(placed, added.trunk, self.voice.face.pivot)
         return placed
 
     def _place_head(self, params: FloatArray, pose: Pose, added: Expression | None) -> FloatArray:

@@ -43,11 +43,12 @@ RULES: dict[str, Any] = {
         [[0.014, 9.7, 0.8], [0.008, 3.7, 0.5]],
     ],
     "trunk_waves": [
-        [[2.6, 11.3, 0.3], [1.2, 5.9, 0.6]], [[0.6, 8.3, 0.2]], [[1.8, 9.1, 0.9], [0.8, 4.3, 0.1]],
+        [[4.5, 11.3, 0.3], [1.8, 5.9, 0.6]], [[0.6, 8.3, 0.2]], [[3.0, 9.1, 0.9], [1.2, 4.3, 0.1]],
     ],
     "resting_share": 0.55, "neck_mm": [0.0, -62.0, 8.0],
-    # Trunk: shift (mm) of the figure for a raised hand and for a full breath.
-    "trunk_raised_mm": [2.5, 0.0, 1.5], "trunk_breath_mm": [0.0, 1.6, 0.4],
+    # Trunk: shift (mm) of the face for a raised hand and for a full breath; the figure leans by it
+    # about the lower back, so far (mm) below the middle of the head.
+    "trunk_raised_mm": [2.5, 0.0, 1.5], "trunk_breath_mm": [0.0, 1.6, 0.4], "lean_mm": 500.0,
     # Breath: at rest, in at the onset of a phrase, wave of rest: size, period (s), phase.
     "breath": [0.42, 0.75], "breath_wave": [0.3, 4.1, 0.0],
     # Brows and cheeks: onset, accent per mm, knitting wave (size, period, phase).
@@ -78,7 +79,7 @@ class Expression:
     nod : ndarray, shape (T, 3)
         Rotation vector, radians, added to the head's turn.
     trunk : ndarray, shape (T, 3)
-        Shift of the whole figure, mm.
+        Shift of the face as the figure leans, mm.
     breath : ndarray, shape (T,)
     """
 
@@ -87,6 +88,27 @@ class Expression:
     nod: FloatArray
     trunk: FloatArray
     breath: FloatArray
+
+
+def lean(places: FloatArray, trunk: FloatArray, head: NDArray[np.floating[Any]]) -> None:
+    """Lean the figure about the lower back, in place; angles are small enough to be linear.
+
+    Parameters
+    ----------
+    places : ndarray, shape (T, V, 3)
+        Of the figure, mm.
+    trunk : ndarray, shape (T, 3)
+        Of `Expression`.
+    head : ndarray, shape (3,)
+        Middle of the head, mm.
+    """
+    far = RULES["lean_mm"]
+    side, up, front = (trunk[:, k, None] for k in range(3))
+    x, height, z = (places[..., k] - head[k] for k in range(3))
+    height = 1 + height / far
+    places[..., 1] += up - (side * x + front * z) / far
+    places[..., 0] += side * height
+    places[..., 2] += front * height
 
 
 def signals(voice: Voice) -> FloatArray:

@@ -337,9 +337,10 @@ export class AvatarView {
     // The face model keeps its points in the world, the hand model about its pivot.
     const [motion, base, pivot] = part === this.hand
       ? [pose.hand, ORIGIN, model.hand.pivot] : [pose.head, model.face.pivot, model.face.pivot];
-    // The trunk's shift moves the whole figure against the camera.
+    // The figure leans about the lower back (`receiver.drawing.movement.lean`).
+    const [side, , front] = pose.trunk.map((/** @type {number} */ x) => x / model.rules.lean_mm);
     const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
-    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
+    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame, lean: [front, 0, -side], head: model.face.pivot };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
     /** @param {"position" | "normal" | "colour" | "extra"} name @param {number} size @param {number} type @param {boolean} normalised */
     const bind = (name, size, type, normalised) => {

@@ -11,7 +11,7 @@ const MOVE = `
 attribute vec3 position, normal;
 attribute vec4 colour;
 attribute vec3 extra;
-uniform vec3 turn, shift, base, pivot, centre;
+uniform vec3 turn, shift, base, pivot, centre, lean, head;
 uniform vec3 frame;
 uniform mat3 toLight;
 uniform float extent;
@@ -24,7 +24,8 @@ vec3 rotated(vec3 p, vec3 r) {
   return p + s * once + c * cross(r, once);
 }
 vec3 moved() {
-  vec3 p = rotated(position - base, turn * extra.y) + shift * extra.z + pivot - centre;
+  vec3 p = rotated(position - base, turn * extra.y) + shift * extra.z + pivot;
+  p += cross(lean, p - head) - centre;
   return vec3(frame.z * p.x, p.yz);
 }
 vec3 seenFromLight(vec3 p) {
@@ -40,6 +41,7 @@ void main() {
   vec3 p = moved();
   // Area normals of unequal length could turn round where a thin triangle is read beside its edge.
   n = rotated(normal / max(length(normal), 1e-9), turn * extra.y);
+  n += cross(lean, n);
   n.x *= frame.z;
   tint = vec4(pow(colour.rgb, vec3(2.2)), colour.a);
   opacity = extra.x;

@@ -55,7 +55,7 @@ type Wave = number[];
 /** The table of `receiver.drawing.movement`. */
 interface Rules {
   taps: number; step_s: number; hand_s: number[]; mouth_s: number[]; signals: number[][];
-  breath: number[]; breath_wave: Wave; trunk_waves: Wave[][]; trunk_raised_mm: number[]; trunk_breath_mm: number[];
+  breath: number[]; breath_wave: Wave; trunk_waves: Wave[][]; trunk_raised_mm: number[]; trunk_breath_mm: number[]; lean_mm: number;
   nod: { per_mm: number; onset: number; end: number; most_rad: number }; resting_share: number; head_waves: Wave[][];
   fixation_s: number; saccade_s: number; wander_rad: number[][]; lens_rad: number[];
   blink_s: number[]; blink_slot_s: number; blink_after_s: number; lids_rest: number; lids_per_rad: number;

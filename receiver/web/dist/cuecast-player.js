@@ -352,7 +352,7 @@ const MOVE = `
 attribute vec3 position, normal;
 attribute vec4 colour;
 attribute vec3 extra;
-uniform vec3 turn, shift, base, pivot, centre;
+uniform vec3 turn, shift, base, pivot, centre, lean, head;
 uniform vec3 frame;
 uniform mat3 toLight;
 uniform float extent;
@@ -365,7 +365,8 @@ vec3 rotated(vec3 p, vec3 r) {
   return p + s * once + c * cross(r, once);
 }
 vec3 moved() {
-  vec3 p = rotated(position - base, turn * extra.y) + shift * extra.z + pivot - centre;
+  vec3 p = rotated(position - base, turn * extra.y) + shift * extra.z + pivot;
+  p += cross(lean, p - head) - centre;
   return vec3(frame.z * p.x, p.yz);
 }
 vec3 seenFromLight(vec3 p) {
@@ -381,6 +382,7 @@ void main() {
   vec3 p = moved();
   // Area normals of unequal length could turn round where a thin triangle is read beside its edge.
   n = rotated(normal / max(length(normal), 1e-9), turn * extra.y);
+  n += cross(lean, n);
   n.x *= frame.z;
   tint = vec4(pow(colour.rgb, vec3(2.2)), colour.a);
   opacity = extra.x;
@@ -1311,9 +1313,10 @@ class AvatarView {
     // The face model keeps its points in the world, the hand model about its pivot.
     const [motion, base, pivot] = part === this.hand
       ? [pose.hand, ORIGIN, model.hand.pivot] : [pose.head, model.face.pivot, model.face.pivot];
-    // The trunk's shift moves the whole figure against the camera.
+    // The figure leans about the lower back (`receiver.drawing.movement.lean`).
+    const [side, , front] = pose.trunk.map((/** @type {number} */ x) => x / model.rules.lean_mm);
     const centre = model.camera.centre.map((x, i) => x - pose.trunk[i]);
-    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame };
+    const set = { turn: motion.slice(0, 3), shift: motion.slice(3, 6), base, pivot, centre, frame, lean: [front, 0, -side], head: model.face.pivot };
     for (const [name, value] of Object.entries(set)) gl.uniform3fv(program.uniforms[name], value);
     /** @param {"position" | "normal" | "colour" | "extra"} name @param {number} size @param {number} type @param {boolean} normalised */
     const bind = (name, size, type, normalised) => {

@@ -15,7 +15,7 @@ from codec.cues.phonology import PHONES
 from codec.errors import CueError
 from receiver.drawing.avatar import has_avatar, load_avatar, vertex_normals
 from receiver.drawing.avatar_document import avatar_document
-from receiver.drawing.movement import RULES, express
+from receiver.drawing.movement import RULES, express, lean
 from receiver.drawing.portrait import Portrait
 from receiver.drawing.skeleton import solve
 from receiver.drawing.voice_document import neutral_camera, voice_document
@@ -118,6 +118,18 @@ def test_page_moves_and_bends_as_python_does(tmp_path: Path, spoken: Motion, who
         for first, count in avatar.eye_ranges:
             seen[first : first + count] = False
         assert np.quantile(cosine[seen], 0.001) > 0.98
+
+
+def test_the_figure_leans_as_one_about_the_lower_back() -> None:
+    head = np.array([0.0, 700.0, 50.0])
+    points = head + np.random.default_rng(2).uniform(-200, 60, (2, 30, 3))
+    points[:, 0], points[:, 1] = head, head - [0, RULES["lean_mm"], 0]
+    moved, trunk = points.copy(), np.array([[6.0, 1.0, -4.0], [-3.0, 0.5, 2.0]])
+    lean(moved, trunk, head)
+    assert np.allclose(moved[:, 0] - points[:, 0], trunk)
+    assert np.allclose(moved[:, 1] - points[:, 1], trunk * [0, 1, 0])
+    before, after = (np.linalg.norm(x[:, :, None] - x[:, None], axis=-1) for x in (points, moved))
+    assert np.abs(after - before).max() < 2e-4 * before.max()
 
 
 def test_movement_does_not_depend_on_where_a_receiver_tuned_in(spoken: Motion) -> None:
