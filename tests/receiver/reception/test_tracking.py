@@ -1,5 +1,6 @@
 """The timeline of superframes: places, duplicates, losses, splices, keys."""
 
+import functools
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -41,7 +42,10 @@ def encoded(first: int, end: int) -> list[tuple[float, Superframe]]:
     ]
 
 
-SENT = encoded(2, 22)
+@functools.cache
+def programme() -> list[tuple[float, Superframe]]:
+    """All superframes of the programme, coded when a test first asks: importing costs nothing."""
+    return encoded(2, 22)
 
 
 def run(tracker: TimelineTracker, sent: Iterable[tuple[float, Superframe | None]]) -> list[Event]:
@@ -68,27 +72,30 @@ def keys(events: Iterable[Event]) -> list[tuple[float, int, str]]:
     return [(round(k.start, 2), k.shape, k.placement) for k in itertools.chain(*final)]
 
 
-ALL = run(TimelineTracker(VOICE), SENT)
+@functools.cache
+def everything() -> list[Event]:
+    """All events of the programme."""
+    return run(TimelineTracker(VOICE), programme())
 
 
 def test_motion_lies_where_it_is_due() -> None:
-    found = pieces(ALL)
+    found = pieces(everything())
     assert list(found) == [round(OFFSET_S + 0.64 * i, 3) for i in range(2, 22)]
     assert all(p.params.shape == (32, len(VOICE.layout)) for p in found.values())
     assert all(p.layers == ("L0", "L1") for p in found.values())
 
 
 def test_keys_are_told_before_they_are_settled() -> None:
-    told = [e for e in ALL if isinstance(e, KeysFound)]
+    told = [e for e in everything() if isinstance(e, KeysFound)]
     assert all(e.keys for e in told)
     early = {(round(k.start, 2), k.shape) for e in told if not e.final for k in e.keys}
-    assert {(start, shape) for start, shape, _ in keys(ALL)[1:-1]} <= early
+    assert {(start, shape) for start, shape, _ in keys(everything())[1:-1]} <= early
 
 
 def test_every_key_comes_once() -> None:
     assert MOTION.score is not None
     # The first key began before the first superframe: only the rule gives it, not its time.
-    found = keys(ALL)[1:]
+    found = keys(everything())[1:]
     sent = [
         (k.start + OFFSET_S, k.shape, k.placement)
         for k in MOTION.score.keys
@@ -101,7 +108,7 @@ def test_every_key_comes_once() -> None:
 
 def test_a_loss_is_told_and_concealed() -> None:
     tracker = TimelineTracker(VOICE)
-    events = run(tracker, [(t, None if i == 7 else s) for i, (t, s) in enumerate(SENT)])
+    events = run(tracker, [(t, None if i == 7 else s) for i, (t, s) in enumerate(programme())])
     lost = [e.start_s for e in events if isinstance(e, SuperframeLost)]
     assert lost == [pytest.approx(OFFSET_S + 0.64 * 9)]
     found = pieces(events)
@@ -112,8 +119,8 @@ def test_a_loss_is_told_and_concealed() -> None:
 
 
 def test_a_gap_without_word_counts_the_same() -> None:
-    silent = [pair for i, pair in enumerate(SENT) if i not in (5, 6)]
-    told = [(t, None if i in (5, 6) else s) for i, (t, s) in enumerate(SENT)]
+    silent = [pair for i, pair in enumerate(programme()) if i not in (5, 6)]
+    told = [(t, None if i in (5, 6) else s) for i, (t, s) in enumerate(programme())]
     first, second = TimelineTracker(VOICE), TimelineTracker(VOICE)
     a, b = run(first, silent), run(second, told)
     assert (first.received, first.lost) == (second.received, second.lost) == (18, 2)
@@ -123,37 +130,39 @@ def test_a_gap_without_word_counts_the_same() -> None:
 
 def test_duplicates_and_late_superframes_change_nothing() -> None:
     tracker = TimelineTracker(VOICE)
-    twice = [pair for pair in SENT for _ in range(2)]
+    twice = [pair for pair in programme() for _ in range(2)]
     events = run(tracker, twice)
     assert (tracker.received, tracker.lost) == (20, 0)
-    assert keys(events) == keys(ALL)
+    assert keys(events) == keys(everything())
     late = TimelineTracker(VOICE)
-    order = [*SENT[:4], SENT[5], SENT[4], *SENT[6:]]
+    order = [*programme()[:4], programme()[5], programme()[4], *programme()[6:]]
     swapped = pieces(run(late, order))
     assert (late.received, late.lost) == (20, 0)
-    for start_s, piece in pieces(ALL).items():
+    for start_s, piece in pieces(everything()).items():
         assert np.array_equal(swapped[start_s].params, piece.params)
 
 
 def test_a_better_copy_replaces_a_worse_one() -> None:
     tracker = TimelineTracker(VOICE)
-    t, s = SENT[3]
+    t, s = programme()[3]
     poor = Superframe(s.index, s.l0, bytes(len(s.l1)))
-    events = run(tracker, [*SENT[:3], (t, poor), (t, s), *SENT[4:]])
+    events = run(tracker, [*programme()[:3], (t, poor), (t, s), *programme()[4:]])
     assert (tracker.received, tracker.received_l1) == (20, 20)
     assert np.array_equal(
         pieces(events)[round(OFFSET_S + 0.64 * 5, 3)].params,
-        pieces(ALL)[round(OFFSET_S + 0.64 * 5, 3)].params,
+        pieces(everything())[round(OFFSET_S + 0.64 * 5, 3)].params,
     )
 
 
 def test_a_splice_starts_a_new_epoch() -> None:
-    jumped = [(t + 100.29, s) for t, s in SENT[8:]]
-    events = run(TimelineTracker(VOICE), [*SENT[:8], *jumped])
+    jumped = [(t + 100.29, s) for t, s in programme()[8:]]
+    events = run(TimelineTracker(VOICE), [*programme()[:8], *jumped])
     found = pieces(events)
     assert {p.epoch for p in found.values()} == {0, 1}
     start = round(OFFSET_S + 0.64 * 11 + 100.29, 3)  # the first one lacks a neighbour
-    assert np.array_equal(found[start].params, pieces(ALL)[round(OFFSET_S + 7.04, 3)].params)
+    assert np.array_equal(
+        found[start].params, pieces(everything())[round(OFFSET_S + 7.04, 3)].params
+    )
     assert sum(isinstance(e, SuperframeLost) for e in events) == 0
     states = [(e.state, e.time_s) for e in events if isinstance(e, StateChanged)]
     assert [state for state, _ in states] == ["locked", "lost", "locked"]
@@ -161,8 +170,8 @@ def test_a_splice_starts_a_new_epoch() -> None:
 
 def test_silence_means_lost() -> None:
     tracker = TimelineTracker(VOICE)
-    run(tracker, SENT[:5])
-    last_s = SENT[4][0]
+    run(tracker, programme()[:5])
+    last_s = programme()[4][0]
     # Superframes may all come half a superframe late; the sixth that is missing is the last straw.
     assert 5 * SUPERFRAME_S < LOST_AFTER_S < 6 * SUPERFRAME_S
     assert list(tracker.advance(last_s + LOST_AFTER_S - 0.01)) == []
@@ -173,7 +182,7 @@ def test_silence_means_lost() -> None:
 
 def test_another_voice_is_told_and_not_drawn() -> None:
     other = TimelineTracker(make_voice(1))
-    events = run(other, SENT)
+    events = run(other, programme())
     foreign = [e for e in events if isinstance(e, Unreadable)]
     assert len(foreign) == 1
     assert "the identity of voice stand-in" in foreign[0].message
@@ -182,12 +191,14 @@ def test_another_voice_is_told_and_not_drawn() -> None:
 
 def test_assembled_motion_is_whole() -> None:
     assembler = Assembler(VOICE)
-    for event in run(TimelineTracker(VOICE), [p for i, p in enumerate(SENT) if not 9 <= i < 13]):
+    for event in run(
+        TimelineTracker(VOICE), [p for i, p in enumerate(programme()) if not 9 <= i < 13]
+    ):
         assembler.add(event)
     motion = assembler.motion()
     assert motion.start_s == pytest.approx(OFFSET_S + 1.28)
     assert len(motion.params) == 20 * 32
-    whole = pieces(ALL)[round(OFFSET_S + 1.28, 3)].params
+    whole = pieces(everything())[round(OFFSET_S + 1.28, 3)].params
     assert np.allclose(motion.params[:32], whole)
     assert motion.score is not None
     assert [round(k.start, 2) for k in motion.score.keys] == sorted(
@@ -215,17 +226,17 @@ def test_a_foreign_stretch_ends_with_the_next_genuine_superframe(
     version: int | None, offset_s: float
 ) -> None:
     tracker = TimelineTracker(VOICE)
-    sent = [*SENT[:8], *foreign(version, offset_s), *SENT[10:]]
+    sent = [*programme()[:8], *foreign(version, offset_s), *programme()[10:]]
     events = run(tracker, sent)
     assert (tracker.received, tracker.lost) == (18, 2)
     assert sum(isinstance(e, Unreadable) for e in events) == 1
-    assert set(keys(events)) <= set(keys(ALL))
+    assert set(keys(events)) <= set(keys(everything()))
     assert tracker.state == "locked"
 
 
 def test_a_foreign_stream_is_not_believed_for_a_digit_that_agrees() -> None:
     """One digit of sixteen does: on its grid it takes two in a row, and nothing gets lost."""
-    ours = [(t, s.index) for t, s in SENT]
+    ours = [(t, s.index) for t, s in programme()]
     drawn = 0
     for seed in range(2, 8):
         voice = make_voice(seed)
@@ -240,7 +251,7 @@ def test_a_pause_of_hours_is_no_loss() -> None:
     """Even where it happens to end on the old grid and number."""
     tracker = TimelineTracker(VOICE)
     pause_s = 64 * 400 * 0.64
-    events = run(tracker, [*SENT[:8], *((t + pause_s, s) for t, s in SENT[8:])])
+    events = run(tracker, [*programme()[:8], *((t + pause_s, s) for t, s in programme()[8:])])
     assert (tracker.received, tracker.lost) == (20, 0)
     assert len(events) < 120
 
@@ -248,10 +259,10 @@ def test_a_pause_of_hours_is_no_loss() -> None:
 @pytest.mark.parametrize("told", [False, True])
 def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
     gap = range(20, 20 + 44)
-    later = [(t + 64 * 0.64, s) for t, s in SENT]
-    between = [(SENT[-1][0] + 0.64 * (k + 1), None) for k in range(len(gap))] if told else []
+    later = [(t + 64 * 0.64, s) for t, s in programme()]
+    between = [(programme()[-1][0] + 0.64 * (k + 1), None) for k in range(len(gap))] if told else []
     tracker = TimelineTracker(VOICE)
-    list(_run(tracker, SENT))
+    list(_run(tracker, programme()))
     events = run(tracker, [*between, later[0]])
     lost = [e for e in events if isinstance(e, SuperframeLost)]
     assert sum(e.count for e in lost) == tracker.lost == 44
@@ -264,7 +275,7 @@ def test_a_long_gap_is_told_in_bulk(told: bool) -> None:
 
 @pytest.mark.parametrize("gap", range(1, 12))
 def test_up_to_eight_lost_superframes_are_drawn(gap: int) -> None:
-    events = run(TimelineTracker(VOICE), [*SENT[:5], *SENT[5 + gap :]])
+    events = run(TimelineTracker(VOICE), [*programme()[:5], *programme()[5 + gap :]])
     assert sum(e.count for e in events if isinstance(e, SuperframeLost)) == gap
     drawn = {start for start, piece in pieces(events).items() if not piece.layers}
     assert len(drawn) == min(gap, 8)
@@ -272,9 +283,9 @@ def test_up_to_eight_lost_superframes_are_drawn(gap: int) -> None:
 
 def test_a_failure_after_reception_was_lost_changes_nothing() -> None:
     tracker = TimelineTracker(VOICE)
-    run(tracker, SENT[:5])
-    list(tracker.advance(SENT[4][0] + LOST_AFTER_S))
-    later = list(tracker.take(None, None, SENT[4][0] + 0.64 * 8))
+    run(tracker, programme()[:5])
+    list(tracker.advance(programme()[4][0] + LOST_AFTER_S))
+    later = list(tracker.take(None, None, programme()[4][0] + 0.64 * 8))
     assert not any(isinstance(e, StateChanged) for e in later)
     assert tracker.state == "lost"
 
@@ -282,7 +293,12 @@ def test_a_failure_after_reception_was_lost_changes_nothing() -> None:
 @pytest.mark.parametrize(("early", "epochs"), [(8, 1), (9, 2)])
 def test_how_late_a_superframe_may_come(early: int, epochs: int) -> None:
     """The decoder remembers eight."""
-    sent = [SENT[0], *SENT[11 - early + 1 :][: early - 1], SENT[11], SENT[11 - early]]
+    sent = [
+        programme()[0],
+        *programme()[11 - early + 1 :][: early - 1],
+        programme()[11],
+        programme()[11 - early],
+    ]
     events = run(TimelineTracker(VOICE), sent)
     assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
 
@@ -290,18 +306,18 @@ def test_how_late_a_superframe_may_come(early: int, epochs: int) -> None:
 @pytest.mark.parametrize(("later", "epochs"), [(64, 1), (65, 2)])
 def test_how_long_a_pause_is_a_loss(later: int, epochs: int) -> None:
     """As long as the sequence number tells one from a splice."""
-    again = (SENT[3][0] + 64 * 0.64 + 0.64 * (later - 64), SENT[3 + later - 64][1])
-    events = run(TimelineTracker(VOICE), [*SENT[:4], again])
+    again = (programme()[3][0] + 64 * 0.64 + 0.64 * (later - 64), programme()[3 + later - 64][1])
+    events = run(TimelineTracker(VOICE), [*programme()[:4], again])
     assert len({e.epoch for e in events if isinstance(e, MotionPiece)}) == epochs
 
 
 def test_what_is_remembered_does_not_grow() -> None:
     tracker = TimelineTracker(VOICE)
     for number in range(300):
-        superframe = SENT[number % 16][1]
+        superframe = programme()[number % 16][1]
         list(
             tracker.take(
-                superframe.l0, superframe.l1, number // 16 * 64 * 0.64 + SENT[number % 16][0]
+                superframe.l0, superframe.l1, number // 16 * 64 * 0.64 + programme()[number % 16][0]
             )
         )
     assert len(tracker._layers) <= 66
@@ -311,10 +327,10 @@ def test_what_is_remembered_does_not_grow() -> None:
 
 def test_what_failed_is_told_at_once() -> None:
     tracker = TimelineTracker(VOICE)
-    for on_air_s, sent in SENT[:5]:
+    for on_air_s, sent in programme()[:5]:
         list(tracker.take(sent.l0, sent.l1, on_air_s))
     for k in (5, 6):
-        on_air_s = SENT[k][0]
+        on_air_s = programme()[k][0]
         events = list(tracker.take(None, None, on_air_s))
         assert [e.start_s for e in events if isinstance(e, SuperframeLost)] == [
             pytest.approx(on_air_s + LEAD_S)
@@ -327,18 +343,18 @@ def test_what_failed_is_told_at_once() -> None:
 
 def test_a_failure_long_after_the_last_superframe_is_nothing() -> None:
     tracker = TimelineTracker(VOICE)
-    run(tracker, SENT[:5])
+    run(tracker, programme()[:5])
     lost_before = tracker.lost
-    events = list(tracker.take(None, None, SENT[4][0] + 65 * 0.64))
+    events = list(tracker.take(None, None, programme()[4][0] + 65 * 0.64))
     assert not any(isinstance(e, SuperframeLost) for e in events)
     assert tracker.lost == lost_before
-    events = list(tracker.take(None, None, SENT[4][0] + 64 * 0.64))
+    events = list(tracker.take(None, None, programme()[4][0] + 64 * 0.64))
     assert sum(e.count for e in events if isinstance(e, SuperframeLost)) == 64
 
 
 def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
     tracker = TimelineTracker(VOICE)
-    (t, s), rest = SENT[3], SENT[:3]
+    (t, s), rest = programme()[3], programme()[:3]
     for on_air_s, sent in rest:
         list(tracker.take(sent.l0, sent.l1, on_air_s))
     assert list(tracker.take(s.l0, None, t))
@@ -351,23 +367,29 @@ def test_the_same_again_is_nothing_and_more_of_it_is_drawn() -> None:
 
 
 def test_the_state_changes_when_the_superframe_has_come() -> None:
-    changes = [e for e in run(TimelineTracker(VOICE), SENT[:1]) if isinstance(e, StateChanged)]
-    assert [(e.time_s, e.state) for e in changes] == [(SENT[0][0] + 0.64, "locked")]
+    changes = [
+        e for e in run(TimelineTracker(VOICE), programme()[:1]) if isinstance(e, StateChanged)
+    ]
+    assert [(e.time_s, e.state) for e in changes] == [(programme()[0][0] + 0.64, "locked")]
 
 
 def test_a_late_superframe_makes_its_neighbours_better() -> None:
     tracker = TimelineTracker(VOICE)
     for number in (0, 1, 3, 4):
-        list(tracker.take(SENT[number][1].l0, SENT[number][1].l1, SENT[number][0]))
-    late = list(tracker.take(SENT[2][1].l0, SENT[2][1].l1, SENT[2][0]))
+        list(
+            tracker.take(
+                programme()[number][1].l0, programme()[number][1].l1, programme()[number][0]
+            )
+        )
+    late = list(tracker.take(programme()[2][1].l0, programme()[2][1].l1, programme()[2][0]))
     assert list(pieces(late)) == [pytest.approx(OFFSET_S + 0.64 * k, abs=0.001) for k in (3, 5, 4)]
     assert tracker.lost == 0
 
 
 def test_where_others_were_one_superframe_is_proof_enough() -> None:
     tracker = TimelineTracker(VOICE)
-    run(tracker, [*SENT[:8], *foreign()])
-    (t, s), drawn = SENT[10], []
+    run(tracker, [*programme()[:8], *foreign()])
+    (t, s), drawn = programme()[10], []
     drawn = [e for e in tracker.take(s.l0, s.l1, t) if isinstance(e, MotionPiece) and e.layers]
     assert drawn
 
@@ -390,8 +412,8 @@ def test_where_others_were_it_takes_four_compact_ones() -> None:
 
 @pytest.mark.parametrize(("offset_s", "epochs"), [(0.09, 1), (0.11, 2), (-0.09, 1), (-0.11, 2)])
 def test_a_splice_is_told_from_a_drift(offset_s: float, epochs: int) -> None:
-    moved = [(t + offset_s, s) for t, s in SENT[8:]]
-    found = pieces(run(TimelineTracker(VOICE), [*SENT[:8], *moved]))
+    moved = [(t + offset_s, s) for t, s in programme()[8:]]
+    found = pieces(run(TimelineTracker(VOICE), [*programme()[:8], *moved]))
     assert len({p.epoch for p in found.values()}) == epochs
 
 
