@@ -103,6 +103,8 @@ def passed_by(
     meant = np.zeros(away.shape, dtype=np.bool_)
     for stroke, here in enumerate(under_way, start=1):
         meant[here, placement[stroke - 1]] = meant[here, placement[stroke]] = True
+    # Passed: a formed shape near a placement that is neither end of the stroke, for a picture at
+    # least.
     near = (away < limit) & ~meant & (shapes.min(axis=1) < FORMED_MM)[:, None]
     for stroke, here in enumerate(under_way, start=1):
         for third in np.flatnonzero(near[here].any(axis=0)):

@@ -216,6 +216,7 @@ def keys_shown_at(
         first, last = (
             int(np.clip(round((t - start_s) * rate), 0, len(best))) for t in (earliest, latest)
         )
+        # Shown: nearest to its shape and its placement, for the longest run within its time.
         own = best[first:last] == key.shape
         own &= where[first:last, key.shape] == PLACEMENT_NUMBER[key.placement]
         begin, length = longest_run(own)

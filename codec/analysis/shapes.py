@@ -70,6 +70,8 @@ def _fits(
     )
     kept = np.ones((n * shapes, markers), dtype=bool)
     open_ = np.arange(n * shapes)
+    # Fits with points farther than the limit are repeated without these, until none changes; at
+    # least three points and half of them stay.
     for _ in range(rounds - 1):
         a, b = still[open_ % shapes], back[open_ // shapes]
         off = (a - here[open_, None]) @ np.swapaxes(turn[open_], 1, 2) + there[open_, None] - b
@@ -101,6 +103,8 @@ def _fit(weight: FloatArray, a: FloatArray, b: FloatArray) -> tuple[FloatArray, 
         here[:, :, None] * there[:, None]
     )
     xx, yy, zz = c[:, 0, 0], c[:, 1, 1], c[:, 2, 2]
+    # Horn (1987): the rotation's quaternion is the eigenvector of the greatest eigenvalue of this
+    # symmetric matrix of the sums of products c.
     horn = np.empty((len(c), 4, 4))
     horn[:, 0, 0], horn[:, 1, 1] = xx + yy + zz, xx - yy - zz
     horn[:, 2, 2], horn[:, 3, 3] = yy - xx - zz, zz - xx - yy

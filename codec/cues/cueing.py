@@ -119,6 +119,8 @@ def cue(phones: Iterable[Phone], options: CueingOptions = DEFAULT_OPTIONS) -> It
     waiting: Phone | None = None
     shapes, vowels = options.language.shapes, options.language.placement_of
     for phone in phones:
+        # A consonant waits for its vowel: CV is one key, C alone takes the placement of no vowel, V
+        # alone the shape of no consonant.
         if waiting is not None:
             adjacent = phone.start - waiting.end <= _JOIN_TOLERANCE_S
             if adjacent and phone.symbol in vowels:

@@ -99,11 +99,13 @@ def choose(analysis: Analysis, bases: Bases, step: int) -> BasisChoice:
 
     def weight(choice: BasisChoice) -> float:
         bits, squares = weigh(analysis, choice, bases, step)
+        # Lagrangian: squared error in steps, and bits at their weight.
         return squares / width_mm(step) ** 2 + WEIGHT * bits
 
     weights = [weight(choice) for choice in tried]
     best = tried[int(np.argmin(weights))]
     least = min(weights)
+    # Outward from level 0 while it gets better; downwards only if upwards brought nothing.
     for way in _UPWARDS, _DOWNWARDS:
         for level in way:
             other = BasisChoice(best.basis, level, best.values)

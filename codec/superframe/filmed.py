@@ -66,5 +66,6 @@ def is_filmed(motion: Motion, voice: Voice) -> bool:
             float(np.square(gap @ coding.residual.matrix).sum())
             for gap in (whole_used.lacking, block - coding.mean)
         ]
+        # Energy that the prediction by the score leaves, over that about the voice's mean.
         left.append(gaps[0] / max(gaps[1], 1e-9))
     return bool(left) and float(np.median(left)) > _LEFT

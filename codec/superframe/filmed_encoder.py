@@ -197,6 +197,8 @@ class FilmedEncoder:
         made, setting = own, own.content.setting
         if setting.step != NO_RESIDUAL:
             before, after = (None if side is None else side.beside for side in sides)
+            # The error that a viewer sees counts the joins with both neighbours as they stand after
+            # the round before; the result is kept only where it is less.
             error = SeenError(own.beside, before, after)
             analysis, block = own.analysis, own.beside.meant
             predicted, least = block - analysis.lacking, error.of(own.beside.drawn)

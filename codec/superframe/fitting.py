@@ -114,6 +114,8 @@ def _shares(block: Array, prediction: Array, coding: Coding, width_mm: float) ->
     parts = coefficients(of_part * predicted)
     best = whole if cost <= bare else UNUSED
     cost = min(cost, bare)
+    # Bits of the residual by its energy: sum of 0.5 log2(1 + (c / width)^2). Coordinate descent:
+    # each part of the prediction gets its best share once.
     for part in range(PARTS):
         for share in range(len(SHARES)):
             tried = (*best[:part], share, *best[part + 1 :])

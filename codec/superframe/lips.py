@@ -120,6 +120,8 @@ class LipContract:
             far = self.apart(face[held], self._visemes[number])
             part = weight * np.maximum(1.0 - self._near[number] / np.maximum(far, 1e-9), 0.0)
             shift[held] += part[:, None] * (self._visemes[number] - face[held])
+        # First towards the viseme, where the lips are too far from it; then only as far as a
+        # feature, such as the opening, is outside its tolerance.
         nearer = face + shift / total
         have = self.features(nearer)
         shift = np.zeros_like(have)

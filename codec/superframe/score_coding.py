@@ -159,6 +159,8 @@ def write_score(
         if not even:
             end = part.starts[i + 1] if i + 1 < len(part.starts) else TICKS
             row = tables.length[number, tables.tempo(length)]
+            # p(length | phone, tempo of the phone before it), of those that end within the
+            # superframe.
             encoder.put(end - start - 1, row, TICKS - start - 1)
             length = end - start if number else 0
         context = context[1], number

@@ -150,6 +150,7 @@ def _read_phones(
     context, spoken = (language.n_phones, language.n_phones), 0
     correction = 0
     while tick <= LAST and correction >= 0:
+        # Bits behind the part's end are unknown: the phones end where those would decide.
         letter = decoder.get_certain(tables.next[context] if numbers else tables.opening)
         if letter < 0:
             break
@@ -207,6 +208,7 @@ def join_windows(windows: Mapping[int, Window]) -> list[Sounding]:
             if language.is_consonant(line[-1].number):
                 line[-1] = replace(line[-1], open_end=True)
             line.append(Sounding(0, line[-1].end, begin, open_start=True, open_end=True))
+        # A gap of some ticks is a phone that lasts, a longer one a silence (J7).
         elif line and (begin - line[-1].end <= _GAP or _continues(line[-1], window)):
             line[-1] = replace(line[-1], end=begin)
         elif line:

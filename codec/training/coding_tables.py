@@ -156,6 +156,7 @@ def _targets(
     fingers, turned, carrier = (
         np.concatenate([linear.weights(i) for linear, _, _ in rows]) for i in range(3)
     )
+    # Targets without the arc first: the arc stands across the straight ways between them.
     straight = _solve(carrier, forearm, prior.forearm)
     bend = np.concatenate([linear.bend(straight) for linear, _, _ in rows])
     both = _solve(

@@ -261,6 +261,8 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
     first_bone = _FIRST_JOINT + len(_SHARES)
     for k, (start, frame) in enumerate(zip(starts, axes, strict=True)):
         maps = pose.joints[:, k]
+        # glTF animates no matrices: a bone's map is a rotation with a stretch along the bone's
+        # axes.
         linear = maps[:, :, :3] @ frame
         stretch = np.linalg.norm(linear, axis=1)
         animate(
@@ -273,6 +275,7 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
     animate(_HAND, "weights", hand_weights)
     bind = np.tile(np.eye(4), (len(_SHARES) + len(starts), 1, 1))
     bind[: len(_SHARES), :3, 3] = -voice.face.pivot
+    # Inverse bind of a bone: x -> R^T (x - start).
     bind[len(_SHARES) :, :3, :3] = axes.transpose(0, 2, 1)
     bind[len(_SHARES) :, :3, 3] = -(axes.transpose(0, 2, 1) @ starts[..., None])[..., 0]
     joints = [_FIRST_JOINT + k for k in range(len(bind))]

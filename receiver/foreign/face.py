@@ -174,6 +174,8 @@ def fit_face(
     units = np.einsum("ukci,kc->uki", moved[:, other.triangles[corner]], shares)
     markers = _mouths(avatar.voice, rng)
     goal = (markers - avatar.unit_rest)[:, rows]
+    # Mouths of the cuer as sums of the avatar's own shapes; what her markers then do to its
+    # vertices is learned by ridge regression.
     weights = unit_weights(goal, units / size, names)
     lips = np.linalg.norm(np.tensordot(weights, units / size, axes=1) - goal, axis=2)
     largest = np.linalg.norm(moved, axis=2).max(axis=0)

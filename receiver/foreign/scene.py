@@ -287,6 +287,7 @@ def _skinned(
     if (total <= 0).any():
         raise CueError(f"{file.name}: {int((total <= 0).sum())} vertices follow no joint")
     share = csr_matrix(share.multiply(1 / total))
+    # Linear blend skinning: M(v) = sum over joints j of w(v, j) world(j) bind(j).
     maps = (share @ at[:, :3].reshape(len(nodes), 12)).reshape(-1, 3, 4)
     placed = np.einsum("vij,vj->vi", maps[:, :, :3], points) + maps[:, :, 3]
     of_nodes = csr_matrix(

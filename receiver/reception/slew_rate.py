@@ -72,6 +72,8 @@ class SlewRateLimiter:
                 way_mm = float(_ways(at[t - 1], at[t]))
                 if way_mm <= self._most_mm:
                     break
+                # The way is not linear in the parameters: the share of the step is corrected by the
+                # way made.
                 share *= self._most_mm / way_mm
                 going = out[t - 1, self._columns] + share * (hand[t] - out[t - 1, self._columns])
                 out[t, self._columns] = going

@@ -127,12 +127,15 @@ def _berlekamp_massey(syndromes: list[int]) -> list[int]:
     current, previous = [1], [1]
     length, gap, last = 0, 1, 1
     for n, syndrome in enumerate(syndromes):
+        # Discrepancy: d = S[n] + sum over i of c[i] S[n - i], with XOR as the sum.
         delta = syndrome
         for i in range(1, min(length, len(current) - 1) + 1):
             delta ^= _multiply(current[i], syndromes[n - i])
         if delta == 0:
             gap += 1
             continue
+        # c(x) += d / d' * x^gap * c'(x), where c' and d' are those before the last change of
+        # length.
         scale = _multiply(delta, _POWER[(N - _LOG[last]) % N])
         update = [0] * gap + [_multiply(scale, c) for c in previous]
         size = max(len(current), len(update))

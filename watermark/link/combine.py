@@ -130,6 +130,7 @@ class Combiner:
             for other in self._waiting
             if other.carrier != seen.carrier and _same_place(other.superframe, seen.superframe)
         ]
+        # What failed in both carriers may decode from the sum of their soft bits.
         for twin in twins:
             found = self._together(seen, twin)
             if found is not None:

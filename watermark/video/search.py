@@ -216,6 +216,7 @@ class PlaceSearch:
                 for region, share in zip(crops, shares, strict=True)
             ]
         found: list[PlaceCandidate] = []
+        # The likeliest crops by their exact scores are refined by climbing.
         judged.sort(key=lambda each: -each[0])
         for value, mode, time, region, share in judged[:TRIED]:
             if value < HOPE:

@@ -165,6 +165,7 @@ def lattice(seen: HandFeatures, looks: KeyAppearance) -> Lattice:
             seen.speed[at],
             seen.stance[at],
         )
+        # Log densities: of a key that is held, of a way between shapes, of a way between places.
         hold[at] = FRAME_SHARE * _holds(visible, looks)
         speed = 0.5 * (visible.speed / _MOVING_MM_S) ** 2
         shapes[at] = FRAME_SHARE * (

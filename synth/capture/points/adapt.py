@@ -97,6 +97,8 @@ def _adapt_face(
     if not viewed[RIGID_FACE_COLUMNS].any():
         return model, NO_CONTACT
     offset = np.zeros((layout.N_FACE, 3))
+    # In turns: the head's motion by its rigid markers; each marker's offset as the middle of what
+    # is left of it.
     for step in range(_FACE_ROUNDS):
         moved = replace(model, mean=(model.mean + offset).astype(np.float32))
         parameters = np.tile(expected, (len(x), 1))
@@ -138,6 +140,8 @@ def _adapt_hand(model: HandModel, x: FloatArray, seen: BoolArray) -> tuple[HandM
     errors = [_error(resized(model, size), x[few], seen[few]) for size in _SIZES]
     size = lowest(_SIZES, np.array(errors))
     adapted, offsets = resized(model, size), np.zeros((layout.N_HAND, 3))
+    # In turns: poses of the hand so far; offsets in the axes of each bone, shrunk where few frames
+    # show the marker.
     for _ in range(_HAND_ROUNDS):
         found = invert_hand(adapted, x, seen)
         residual = adapted.residual(found, x)

@@ -116,6 +116,7 @@ def find_place(markers: FloatArray, unit: str, voice: Voice) -> Registration:
     columns, body = columns[known], body[known]
     unit_mm, scale, notes = _size(body, columns, unit, voice)
     factor = unit_mm / scale
+    # Both kinds of axes are fitted; the left-handed ones have to be clearly better.
     best = _fit(body * factor, columns, voice)
     turned = _fit(body * factor * [-1.0, 1.0, 1.0], columns, voice)
     left_axes = turned[1] < _MIRROR_GAIN * best[1]
@@ -209,6 +210,8 @@ def median_body(x: FloatArray, *, rounds: int = 4) -> tuple[FloatArray, FloatArr
     for _ in range(rounds):
         known = np.isfinite(body).all(-1)
         size = float(np.linalg.norm(np.nan_to_num(body), axis=1).max())
+        # In turns: every frame's motion of the body so far; the body as the median of the frames
+        # when they are moved back.
         motion, solved = rigid.estimate_motion(
             np.nan_to_num(body), filled, (seen & known).astype(float), outlier_mm=0.05 * size
         )

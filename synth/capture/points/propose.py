@@ -175,6 +175,8 @@ def propose_map(
         recording.unit,
         voice,
     )
+    # The face is rigid enough to be laid on templates; the hand is looked for in the head's
+    # coordinates; then all pairs are judged together.
     columns, place = _lay_face(take)
     world = place.points(take.x)
     columns, share = _follow(take, world, columns, voice.face)
@@ -275,6 +277,8 @@ def _lay_face(take: _Take) -> tuple[IntArray, Registration]:
     templates = (whole, whole[: layout.N_FACE - len(layout.THROAT)])
     free = take.markers[take.markers < layout.N_FACE]
     tried: list[tuple[float, int, TemplateFit, np.intp]] = []
+    # Templates are laid on each group of near points from many turns, at a free scale; the best fit
+    # by which the head has a place is taken.
     for group in _groups(take.x[:, take.points]):
         points = take.points[group]
         shown = np.isfinite(take.x[:, points, 0])

@@ -82,6 +82,7 @@ def relabel(
         out[t, own] = np.nan
         gap = np.linalg.norm(expected[t, wanted][:, None] - offered, axis=-1)
         cost = np.where(gap <= SUSPECT_MM[wanted][:, None], gap, _FAR_MM)
+        # Pairs of least total distance (Hungarian method); those beyond the limit are given up.
         rows, columns = linear_sum_assignment(cost)
         fitting = cost[rows, columns] < _FAR_MM
         rows, columns = rows[fitting], columns[fitting]

@@ -57,6 +57,7 @@ def resample(values: FloatArray, rate_hz: float, times: FloatArray) -> FloatArra
     ):
         at = np.clip(np.round(times * rate_hz).astype(int), 0, len(values) - 1)
         return np.asarray(values[at], dtype=np.float64)
+    # Windowed sinc (Kaiser): it passes up to a part of the lower one of both Nyquist frequencies.
     cut = min(1.0, 1.0 / (step * rate_hz)) * _PASS
     reach = int(np.ceil(_ZEROS / cut))
     taps = np.arange(-reach, reach + 1)

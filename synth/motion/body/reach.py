@@ -154,6 +154,9 @@ def _solve(body: Body, shape: int, placement: str) -> FloatArray:
         reach = np.linalg.norm(elbow - shoulder) - body.anatomy.upper_arm_mm
         inside = 1.0 - np.linalg.norm((points - skull[0]) / (skull[1] + _CLEARANCE_MM), axis=1)
         inside[tip] = 0.0
+        # Least squares over x: three angles of the wrist, rotation and place of the forearm. Rows:
+        # the tip on its target, the hand's and the forearm's axes as wanted, an easy wrist, an
+        # upper arm of its own length, and no point within the skull, an ellipsoid.
         return np.concatenate(
             [
                 points[tip] - target,

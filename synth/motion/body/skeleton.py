@@ -123,6 +123,8 @@ class ArmRig:
         places[:, 0] = wrist - back[0] * carrier[:, :, 1]
         places[:, 1] = wrist - back[1] * carrier[:, :, 1]
         places[:, 2] = wrist
+        # Chain: R(child) = R(parent) R_axis(angle), p(child) = p(parent) + R(parent) offset;
+        # forearm, hand, arches of the palm, thumb, and fingers from base to tip.
         turns[:, 2] = carrier @ rotation(2, a["wrist_deviation"]) @ rotation(0, -a["wrist_flex"])
         hand = turns[:, 2]
         relative = self.frames[2].T @ self.frames[3:7]

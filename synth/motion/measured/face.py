@@ -65,6 +65,7 @@ def steps(score: Score, seed: int) -> tuple[FloatArray, FloatArray]:
         holds.append(holds[0])
     values = np.array(rows)
     at = np.arange(len(values))
+    # Where a phone leaves an articulator free, it passes from the phone before to the one after.
     for column, held in enumerate(np.array(holds).T):
         values[:, column] = np.interp(at, at[held], values[held, column])
     return np.maximum.accumulate(np.array(times, dtype=np.float64)), values

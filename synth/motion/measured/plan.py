@@ -151,6 +151,8 @@ def paced(score: Score, keys_per_s: float = KEYS_PER_S) -> Score:
         return score
     usual, mean = 1.0 / keys_per_s, float(np.mean([k.end - k.start for k in score.keys]))
     before, after = [0.0], [0.0]
+    # Time is mapped piece by piece: pauses keep their length, a key gets `usual` * (length /
+    # mean)^evenness.
     for key in score.keys:
         for at, length in (
             (key.start, key.start - before[-1]),
@@ -200,6 +202,7 @@ def make_plan(
     moving = placement > 0
     arms[moving, :3] += _TURN_SCATTER * drawn[moving, 8:11]
     angles[:, _WRIST:] += body.habits.scatter_deg * drawn[:, 14 : 14 + len(HAND_ANGLES) - _WRIST]
+    # Targets scatter; at the side across and down together: y' = r x + sqrt(1 - r^2) y.
     side = placement == PLACEMENT_NUMBER["side"]
     away = drawn[:, 11:14].copy()
     away[side, 1] *= np.sqrt(1.0 - _SIDE_CORRELATION**2)

@@ -300,6 +300,8 @@ def moved(
         length = np.maximum(reach + apart * ends_s - begin, 0.5 * (reach - leave))
         under_way = slice(*np.searchsorted(times, (np.min(begin), np.max(begin + length))))
         elapsed = np.clip((times[under_way, None] - begin) / length, 0.0, 1.0)
+        # x(t) = x0 + sum over strokes of (target - target before) * profile(share of the stroke's
+        # time); strokes that are over are added by a running sum.
         step = values[g] - values[g - 1]
         out[under_way] += profile(elapsed**movement.power) * step
         done[under_way.stop] += step

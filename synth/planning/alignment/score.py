@@ -187,6 +187,7 @@ def phones_of_recording(
         for batch in _batches(runs_of(said_in(subtitles))):
             runs = _heard(batch, sound, reading, around_s, offset_s)
             timed = _TimedRuns.of(runs, offset_s)
+            # Nothing fits: the subtitles may all be early or late by one offset.
             if not timed.verdict.holds:
                 moved_s = _offset(_beginning(runs), offset_s)
                 if moved_s != offset_s:

@@ -298,6 +298,8 @@ class _Block:
             before = w
 
     def _keys(self) -> Keys:
+        # A vowel joins the consonant before it unless a pause lies between them; any other phone
+        # begins a key of its own.
         members: list[list[tuple[int, int]]] = []
         form: list[tuple[int, str]] = []
         paused: list[bool] = []
@@ -326,6 +328,7 @@ class _Block:
         forms = [(*two, len(m)) for two, m in zip(form, members, strict=True)]
         afters: list[Form | None] = [*forms[1:], None][: len(forms)]
         befores: list[Form | None] = [None, *forms[:-1]][: len(forms)]
+        # At least: the gesture between neighbours, the shortest phones, and the pace's own limit.
         least = [
             max(least_s(before, here, after), _LEAST_PHONE_S * here[2], self._pace.least_s)
             for before, here, after in zip(befores, forms, afters, strict=True)
@@ -371,6 +374,7 @@ class _Block:
     def _with_room(self) -> Keys:
         """Leave out what there is no time for, and return the keys of the rest."""
         keys, dropped = self._keys(), list[int]()
+        # Mute e go first, then the least important word near the late key, until no key is late.
         while late := self._late(keys, LEAD_S):
             begun, k = late
             low, high = keys.members[begun][0][0], keys.members[k][0][0]
@@ -392,6 +396,8 @@ class _Block:
                 self._kept[out] = False
                 dropped.append(out)
             keys = self._keys()
+        # Greedy choices may drop too much: words come back, the most important first, if no key
+        # gets late by it.
         for w in sorted(dropped, key=lambda w: (-importance(self._words[w].word), w)):
             self._kept[w] = True
             again = self._keys()
@@ -410,6 +416,8 @@ class _Block:
         ease = max(0.0, 1.0 / self._pace.keys_per_s - mean)
         slowest = max(0.0, 1.0 / (KEYS_PER_SYLLABLE * self._pace.syllables_per_s) - mean)
         place, taken = np.cumsum(np.append(0, keys.parts)), np.cumsum(np.append(0.0, keys.work))
+        # The evenest course between earliest and latest starts; a lead only where there is no ease
+        # without one.
         for lead_s in (0.0, LEAD_S):
             if lead_s == 0.0 and self._late(keys, 0.0):
                 continue
@@ -426,6 +434,7 @@ class _Block:
         start, clock = np.empty(n), self._free_s
         for k in range(n):
             pause = keys.pause[k] + (extra[k - 1] if k and keys.pause[k] else 0.0)
+            # start[k] = max(min(spoken, due), start[k - 1] + length[k - 1] + pause)
             start[k] = max(min(keys.first[k], due[k]), clock + pause)
             clock = start[k] + length[k]
         ends = start + np.maximum(length, keys.said)

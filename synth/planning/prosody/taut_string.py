@@ -31,6 +31,8 @@ def taut_string(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArr
         least, most = -np.inf, np.inf
         low = high = bend = at
         value = out[at]
+        # Slopes within [least, most] pass between all bounds up to k. Where the next bound leaves
+        # none, the string bends at the bound that was the tightest, `high` or `low`.
         for k in range(at + 1, n):
             down, up = (np.array([lower[k], upper[k]]) - out[at]) / (x[k] - x[at])
             if k == n - 1:

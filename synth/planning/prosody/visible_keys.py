@@ -187,6 +187,7 @@ class VisibleKeys:
         least = np.maximum(_LEAST_TICKS * phones, self._least)
         pause = np.ceil(GRID_HZ * keys.pause - SAME_S).astype(np.int64)
         begins, ends = (np.round(GRID_HZ * x).astype(np.int64) for x in (start, end))
+        # In whole ticks: begin[k] >= begin[k - 1] + least[k - 1] + pause[k].
         for k in range(1, len(begins)):
             begins[k] = max(begins[k], begins[k - 1] + least[k - 1] + pause[k])
         ends[:-1] = np.where(

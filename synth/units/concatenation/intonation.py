@@ -72,6 +72,7 @@ def intone(
             change[k] = part
     for before, after in itertools.pairwise(pieces):
         end, start = before[-1], after[0]
+        # Each side takes half of the step in pitch, less with the distance from the join.
         jump = own[start][0] + change[start][0] - own[end][-1] - change[end][-1]
         jump = float(np.clip(jump, -_LARGEST_JUMP_ST, _LARGEST_JUMP_ST))
         at = times[start][0]

@@ -89,12 +89,15 @@ def smooth_joins(
         if abs(source_b[0] - source_a[-1]) < 1e-6:
             continue
         join_s = target_b[0]
+        # The piece behind a join is moved by the lag at which the periods on both sides are most
+        # alike, up to its first unvoiced grain.
         before, after = _nearest(at, source_a[-1]), _nearest(at, source_b[0])
         last_lag = _lag_at_end(grains, k)
         lag, likeness = _best_lag(x, marks, before, last_lag, after)
         own = np.flatnonzero(grains.piece == k + 1)
         unvoiced = np.flatnonzero(~marks.voiced[grains.index[own]])
         grains.shift[own[: unvoiced[0] if len(unvoiced) else len(own)]] = lag
+        # Each side takes half of the step in level, less with the distance from the join.
         step = _level_db(x, marks.fs, source_b[0]) - _level_db(x, marks.fs, source_a[-1])
         step = float(np.clip(step, -_MOST_DB, _MOST_DB))
         for piece, sign, length in ((k, 0.5, np.ptp(target_a)), (k + 1, -0.5, np.ptp(target_b))):
@@ -115,6 +118,8 @@ def smooth_joins(
             other = _nearest(at, wanted)
             if abs(at[other] - wanted) > _NEAR_S:
                 continue
+            # Amplitudes l and 1 - l of grains of likeness r have the power l^2 + (1 - l)^2 + 2 l (1
+            # - l) r; divided by its root, the level stays.
             power = later**2 + (1 - later) ** 2 + 2 * later * (1 - later) * likeness
             parts = (1 - later, later) if first else (later, 1 - later)
             grains.gain[g] *= parts[0] / np.sqrt(power)

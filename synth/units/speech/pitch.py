@@ -101,6 +101,7 @@ def track_pitch(
         block = padded[start[:, None] + np.arange(window)]
         lag[rows], strength[rows] = _candidates(block, fs, f0_min, f0_max)
         loudness = np.abs(block - block.mean(axis=1, keepdims=True)).max(axis=1) / (peak + 1e-30)
+        # A frame without a pitch is as strong as the threshold, and stronger the quieter it is.
         unvoiced[rows] = _VOICING_THRESHOLD + np.maximum(
             0.0, 2.0 - loudness / _SILENCE * (1 + _VOICING_THRESHOLD)
         )
@@ -126,6 +127,7 @@ def _candidates(
     spectrum = np.fft.rfft(centred, size, axis=1)
     r = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=1)[:, : width // 2]
     own = np.fft.irfft(np.abs(np.fft.rfft(window, size)) ** 2, size)[: width // 2]
+    # Autocorrelation of the windowed signal over that of the window itself (Boersma 1993).
     r = r / np.maximum(r[:, :1], 1e-12) / (own / own[0])
     low, high = int(fs / f0_max), min(int(np.ceil(fs / f0_min)), width // 2 - 2)
     middle = r[:, low : high + 1]
@@ -133,9 +135,11 @@ def _candidates(
     curve = left - 2 * middle + right
     is_peak = (middle > left) & (middle >= right) & (curve < 0)
     is_peak &= middle > 0.5 * _VOICING_THRESHOLD
+    # Vertex and height of the parabola through a peak and its neighbours.
     shift = np.where(is_peak, 0.5 * (left - right) / np.where(is_peak, curve, 1.0), 0.0)
     height = np.minimum(middle - 0.25 * (left - right) * shift, 1.0)
     lags = np.arange(low, high + 1) + np.clip(shift, -0.5, 0.5)
+    # Of two peaks of one height the shorter lag, an octave higher, is preferred.
     value = np.where(is_peak, height - _OCTAVE_COST * np.log2(f0_min * lags / fs), -np.inf)
     best = np.argsort(-value, axis=1)[:, :_CANDIDATES]
     strength = np.take_along_axis(value, best, axis=1)

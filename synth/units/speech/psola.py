@@ -109,6 +109,7 @@ def modify_prosody(
     beside = smooth_joins(signal, marks, [(p.source_s, p.target_s) for p in pieces], grains)
     place = np.rint(grains.place_s * marks.fs).astype(np.int64) - origin
     index = grains.index
+    # An unvoiced grain that follows itself is mirrored: noise that repeats sounds like a pitch.
     repeated = np.concatenate(([False], index[1:] == index[:-1])) & ~marks.voiced[index]
     mirrored = np.zeros(len(index), dtype=np.bool_)
     for k in np.flatnonzero(repeated):
@@ -140,6 +141,7 @@ def _synthesis_marks(marks: PitchMarks, pieces: Sequence[SpeechPiece]) -> Grains
             place.append(time)
             index.append(m)
             number.append(k)
+            # The next grain follows after the period of its analysis mark at the wanted pitch.
             time += float(period[m])
     n = len(place)
     return Grains(

@@ -449,7 +449,7 @@ def with_phones(motion: Motion) -> Motion:
 
 
 def test_without_motion_all_else_is_the_same() -> None:
-    sent = [(at_s, None if n in (5, 6) else one) for n, (at_s, one) in enumerate(SENT)]
+    sent = [(at_s, None if n in (5, 6) else one) for n, (at_s, one) in enumerate(programme())]
     drawn, bare = (run(TimelineTracker(VOICE, draw=draw), sent) for draw in (True, False))
     assert not pieces(bare)
     assert repr(bare) == repr([e for e in drawn if not isinstance(e, MotionPiece)])
