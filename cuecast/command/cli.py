@@ -43,8 +43,8 @@ EXIT_UNUSABLE = 3
 EXIT_INTERRUPTED = 130
 
 
-def build_parser() -> Parser:
-    """Return the parser of the whole command line."""
+def build_parser(verbs_wanted: Sequence[str] = VERBS) -> Parser:
+    """Return the parser of the whole command line, or of some verbs."""
     common = Parser(add_help=False)
     common.add_argument(
         "--debug",
@@ -66,7 +66,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action=_TellVersion, nargs=0, help="tell the version")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for name in VERBS:
+    for name in verbs_wanted:
         module = importlib.import_module(f"cuecast.verbs.{name}")
         verb = verbs.add_parser(
             name, help=module.SUMMARY, description=module.__doc__, parents=[common]
@@ -97,7 +97,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     0
     """
     try:
-        args = build_parser().parse_args(_present(sys.argv[1:] if argv is None else argv))
+        words = _present(sys.argv[1:] if argv is None else argv)
+        # The modules of all verbs take as long to import as numpy.
+        args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(
+            words
+        )
     except SystemExit as stop:  # argparse has printed its page or its complaint
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
     try:

@@ -44,7 +44,10 @@ def test_it_is_as_near_to_the_markers_as_plain_inversion(
 def test_a_face_is_as_near_by_the_slopes_of_other_frames(
     cuer: GestureSynthesiser, score: Score
 ) -> None:
-    model, markers = load_voice().face, cuer.markers(score, 0.0, FRAMES)[:, : layout.N_FACE]
+    model, markers = (
+        load_voice().face,
+        cuer.markers(score, 0.0, FRAMES).astype(np.float64)[:, : layout.N_FACE],
+    )
     far = [
         np.sqrt((model.residual(found, markers) ** 2).sum(-1).mean())
         for found in (anchored(model, markers, invert_face, chords=c) for c in (False, True))
