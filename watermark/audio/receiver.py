@@ -31,7 +31,7 @@ from watermark.audio.follow.track import Track
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.acquire import Candidate, PilotSearch
 from watermark.audio.search.channel_mixes import ChannelMix, usual_mix
-from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
+from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH, Sight
 from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.mix import check_format
 from watermark.audio.signal.profile import FS, HOP, SLOT_FRAMES, SUPERFRAME, AudioProfile
@@ -42,7 +42,7 @@ from watermark.link.superframe import ReceivedSuperframe
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
-HISTORY_S, LONG_HISTORY_S = 2.4, 12.0
+HISTORY_S, LONG_HISTORY_S = 2.4, 15.0
 """Sound that is kept while superframes are read, enough to search again from one that failed, and
 while hunting, for what may be read of it once the sound is understood."""
 
@@ -51,7 +51,7 @@ class AudioReceiver:
     """Receives superframes, block by block; any split into blocks gives the same output.
 
     A superframe is handed out at most 0.1 s after its last frame came in, 0.2 s where it cannot be
-    read briefly soon after a lock, in stretched sound 1.5 s. Those that were on air up to 10 s
+    read briefly soon after a lock, in stretched sound 1.5 s. Those that were on air up to 13 s
     before the lock are read first, as the purse pays: the first ones after a lock may wait up to
     4 s for them.
 
@@ -242,10 +242,18 @@ class AudioReceiver:
             accepted = self._attempts.read(self._tape, position, candidate, sound, self._ventures)
         return [] if accepted is None else self._lock(self._mix, accepted)
 
+    def _recent(self, rows: int) -> tuple[float, Sight] | None:
+        """Return the sight of the usual search's last rows and where they begin, if it has it."""
+        if self._search is None or self._pace != self._nominal:
+            return None
+        recent = self._search.recent(rows)
+        return recent and (self._origin + recent[0] * self._pace, recent[1])
+
     def _hunt(self) -> list[ReceivedSuperframe]:
         """Listen again to the last seconds under the hypotheses that are due."""
         with self._purse.keeping(self._kept()):
-            found = self._hunter.hunt(self._now, self._quantum / self._fs, self._tape, self._mix)
+            sound_s = self._quantum / self._fs
+            found = self._hunter.hunt(self._now, sound_s, self._tape, self._mix, self._recent)
         if found is None:
             return []
         if found.accepted is not None:

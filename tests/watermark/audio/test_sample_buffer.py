@@ -18,8 +18,9 @@ from watermark.audio.search.pilot_scan import (
     SEGMENT_FRAMES,
     STRIDE,
     make_sight,
+    see_stretch,
 )
-from watermark.audio.search.stretch_scores import search_stretch, see_stretch
+from watermark.audio.search.stretch_scores import search_stretch
 from watermark.audio.signal import _kernels
 from watermark.audio.signal.dither import project, soft_values
 from watermark.audio.signal.layout import make_pilots

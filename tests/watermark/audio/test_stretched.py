@@ -88,12 +88,12 @@ def test_no_second_costs_more_than_the_purse_gives() -> None:
 def test_sound_without_a_mark_tells_of_no_path() -> None:
     for seed in range(3):
         sound = host(2.2, channels=1, seed=seed)[:, 0].astype(np.float64)
-        assert find_stretched(0, stretch(sound).low(1.0, 2.2)) is None
+        assert find_stretched(0, stretch(sound).see(0, 1.0, 2.2)) is None
 
 
 def test_a_path_jumps_where_the_sound_does() -> None:
     heard = in_pieces(marked().copy(), 400)[:, 0].astype(np.float64)
-    candidate = find_stretched(0, stretch(heard[:105600]).low(1.0, 2.2))
+    candidate = find_stretched(0, stretch(heard[:105600]).see(0, 1.0, 2.2))
     assert candidate is not None
     assert candidate.profile == STANDARD.number
     tape = SampleBuffer()

@@ -5,6 +5,7 @@ Cost: `scheduler.SPEND` units of each second of sound, and the purse's payments 
 outstanding places.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +21,13 @@ from watermark.audio.follow.following import TrackFollower
 from watermark.audio.follow.purse import HUNTED, PIECES_LOCK, DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
-from watermark.audio.search.channel_mixes import MID, ChannelMix, find_mix, usual_mix
+from watermark.audio.search.channel_mixes import ECHO, MID, ChannelMix, find_mix, usual_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
+from watermark.audio.search.pilot_scan import Sight, rows_of
 from watermark.audio.search.rotated_search import RotatedSearch
 from watermark.audio.search.scheduler import NOTHING, PROMISING, HypothesisScheduler
 from watermark.audio.search.sound_ring import SoundRing, Stretch
-from watermark.audio.search.stretch_scores import StretchScores, search_stretch, see_stretch
+from watermark.audio.search.stretch_scores import StretchScores, higher_of_two, search_stretch
 from watermark.audio.search.stretched_search import (
     LEAST,
     LEAST_KNOWN,
@@ -45,6 +47,8 @@ SAME_PLACE = 1.0
 RECENT_S = 10.0
 """Sound after which a mark was read long ago."""
 
+Recent = Callable[[int], tuple[float, Sight] | None]
+"""Gives the sight of the last rows, that many, and where they begin, if they are remembered."""
 
 SURE_PIECES = 50.0
 """Least correlation of pilots of a candidate in pieces that promises to read the next one:
@@ -68,7 +72,7 @@ class _Pieces:
         In which mix.
     tape : StereoBuffer or None
         That of a mix which is not the usual one.
-    start, found : int
+    start, found : float
         Where the stretch began, and ended.
     """
 
@@ -76,8 +80,8 @@ class _Pieces:
     guess: ChannelHypothesis
     mix: ChannelMix
     tape: StereoBuffer | None
-    start: int
-    found: int
+    start: float
+    found: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +140,7 @@ class HypothesisHunter:
         self._channels, self._count = channels, int(STRETCH_S * fs)
 
     def hunt(
-        self, now: int, sound_s: float, tape: StereoBuffer, mix: ChannelMix
+        self, now: int, sound_s: float, tape: StereoBuffer, mix: ChannelMix, recent: Recent
     ) -> HuntedMark | None:
         """Try the hypotheses due at a time, after more sound; `tape` holds more of a mix."""
         self._scheduler.earn(sound_s)
@@ -151,14 +155,19 @@ class HypothesisHunter:
             if guess is None:
                 return None
             self._purse.charge(guess.cost)
-            found = self._try(guess, now, tape, mix)
+            found = self._try(guess, now, tape, mix, recent)
             if found is not None:
                 self._scheduler.remember(guess)
                 return found
         return None
 
     def _try(
-        self, guess: ChannelHypothesis, now: int, tape: StereoBuffer, usual: ChannelMix
+        self,
+        guess: ChannelHypothesis,
+        now: int,
+        tape: StereoBuffer,
+        usual: ChannelMix,
+        recent: Recent,
     ) -> HuntedMark | None:
         """Search a stretch as if a hypothesis were true."""
         mix = usual_mix(self._channels)
@@ -173,17 +182,21 @@ class HypothesisHunter:
         count = int(guess.stretch_s * self._fs)
         start = now - count
         known = mix == usual and tape.first <= start and tape.end == now
-        stretch = self._ring.stretch(mix, start, count, tape if known else None)
+        seen = recent(rows_of(guess.stretch_s)) if known and guess.speed == 1.0 else None
+        if seen is not None and seen[0] >= tape.first:
+            stretch = Stretch(tape, self._nominal, *seen)
+        else:
+            stretch = self._ring.stretch(mix, start, count, tape if known else None)
         if guess.kind is PilotHypothesis.STRETCHED:
-            known = now - self._follower.last_start < RECENT_S * self._fs
-            low = stretch.low(guess.speed, guess.stretch_s)
-            candidate = find_stretched(self._key, low, least=LEAST_KNOWN if known else LEAST)
+            lately = now - self._follower.last_start < RECENT_S * self._fs
+            sight = stretch.see(self._key, guess.speed, guess.stretch_s)
+            candidate = find_stretched(self._key, sight, least=LEAST_KNOWN if lately else LEAST)
             score = 0.0 if candidate is None else candidate.score
             self._scheduler.note(guess, PROMISING * score / SURE_PIECES)
             if candidate is None:
                 return None
             own = None if mix == usual else stretch.tape
-            self._waiting = _Pieces(candidate, guess, mix, own, start, now)
+            self._waiting = _Pieces(candidate, guess, mix, own, stretch.first, now)
             return self._lock_pieces(now, tape)
         turned = guess.kind is PilotHypothesis.TURNED
         accepted = self._try_turned(guess, stretch) if turned else self._try_plain(guess, stretch)
@@ -210,9 +223,9 @@ class HypothesisHunter:
 
     def _try_turned(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
         """Try the likeliest places, and their neighbours, at phases of their own."""
-        start, low = stretch.first, stretch.low(guess.speed, guess.stretch_s)
+        start, seen = stretch.first, stretch.see(self._key, guess.speed, guess.stretch_s)
         evidence, first = self._scheduler.evidence(guess), start / self._nominal
-        likely = self._turned.find(low, guess.steps, evidence, first)
+        likely = self._turned.find(seen, guess.steps, evidence, first)
         self._scheduler.note(guess, max((one.significance for one in likely), default=0.0))
         for candidate in likely:
             near = self._around(stretch, start + candidate.start * self._nominal)
@@ -236,7 +249,7 @@ class HypothesisHunter:
     def _try_plain(self, guess: ChannelHypothesis, stretch: Stretch) -> AcceptedAttempt | None:
         """Try the likeliest places of a stretch, and that which all stretches point to."""
         start, pace = stretch.first, self._nominal * guess.speed
-        seen = see_stretch(self._key, stretch.low(guess.speed, guess.stretch_s))
+        seen = stretch.see(self._key, guess.speed, guess.stretch_s)
         scores = [
             search_stretch(self._key, seen, gain=gain, exact=guess.exact) for gain in guess.gains
         ]
@@ -248,7 +261,9 @@ class HypothesisHunter:
         if guess.exact:
             likely.append(self._by_evidence(guess, scores, start / pace))
         tried: list[tuple[float, float]] = []
-        self._scheduler.note(guess, max((one.significance for one, _ in likely), default=0.0))
+        # An echo by itself speaks for what made it.
+        least = PROMISING if guess.mix == ECHO else 0.0
+        self._scheduler.note(guess, max([least, *(one.significance for one, _ in likely)]))
         for candidate, gain in sorted(likely, key=lambda one: -one[0].significance):
             position = start + candidate.start * pace
             known = any(gain == g and abs(position - at) <= SAME_PLACE for at, g in tried)
@@ -271,7 +286,10 @@ class HypothesisHunter:
     ) -> tuple[Candidate, float]:
         """Return the place with the most evidence of all stretches, and its gain."""
         first = round(start / PLACE) + scores[0].first
-        peaks = np.concatenate([one.peaks for one in scores])
-        row, place, significance = self._scheduler.evidence(guess).add(peaks, first, PERIOD)
+        odd = first % 2
+        peaks = np.concatenate([higher_of_two(one.peaks[:, odd:]) for one in scores])
+        evidence = self._scheduler.evidence(guess)
+        row, place, significance = evidence.add(peaks, (first + odd) // 2, PERIOD // 2)
         gain, pair = divmod(row, len(scores[0].peaks))
-        return scores[gain].candidate(pair, place, significance), guess.gains[gain]
+        candidate = scores[gain].candidate(pair, odd + 2 * place, significance)
+        return candidate, guess.gains[gain]

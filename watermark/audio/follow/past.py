@@ -6,7 +6,7 @@ read since. Specification: spec/audio-carrier.md, W37.
 
 from dataclasses import dataclass, field
 
-from watermark.audio.follow.purse import ELSEWHERE, READ_BACK, VIEW, DecodingPurse
+from watermark.audio.follow.purse import ELSEWHERE, PAST, READ_BACK, VIEW, DecodingPurse
 from watermark.audio.follow.track import Track, received
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.signal.profile import SUPERFRAME
@@ -97,9 +97,10 @@ class PastReader:
         while (past := self._past) is not None:
             if past.ended or (not whole and tape.end > past.until):
                 return self.end()
-            if not whole and not self._purse.has(READ_BACK + VIEW):
-                return []
-            self._read_before(tape, past)
+            with self._purse.keeping(0.0 if whole else PAST):
+                if not whole and not self._purse.has(READ_BACK + VIEW):
+                    return []
+                self._read_before(tape, past)
         return []
 
     def _read_before(self, tape: StereoBuffer, job: _Past) -> None:

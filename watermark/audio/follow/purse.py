@@ -47,8 +47,9 @@ ELSEWHERE, BESIDE = 6.0, 0.125
 """Least cost of reading beside the likeliest place, and part of the savings that is kept then for
 the likeliest one."""
 
-DUE = 0.125
-"""Part of the savings that candidates leave for superframes which are due, where any are."""
+DUE, PAST = 0.125, 0.5
+"""Part of the savings that candidates leave for superframes which are due, where any are, and part
+that superframes of the past leave for them: the next ones show level and gain."""
 
 HUNTED, LOST = 0.2, 0.3
 """Part of the savings that hunting leaves for attempts at its finds, and part that is left for
@@ -58,7 +59,7 @@ came between may have moved the mark's clock."""
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
-VENTURED, VENTURES = 2.5, 32.0
+VENTURED, VENTURES = 1.8, 32.0
 """The same for attempts at candidates: units earned in a second of sound, and units saved."""
 
 LEAST_VENTURED, ON_CREDIT = 4.8, 5.8

@@ -35,6 +35,10 @@ PULL_IN = (
 )
 """Delays in samples and drifts in ppm tried around a candidate, from coarse to fine."""
 
+LEAST_COARSE = 4.0
+"""Least score of pilots after the first of them, in deviations, for the second: 34 true candidates
+of five clips and seven injuries had 5.3 at least, 86 % of those that unmarked sound gave less."""
+
 SECOND_IN = (np.arange(-0.6, 0.7, 0.2), np.arange(-60.0, 61.0, 20.0))
 """Delays and drifts tried with the bits of L0 where L1 was not read."""
 
@@ -187,12 +191,14 @@ class TrackReader:
         """Refine a candidate's place by its pilots; give their score there, in deviations."""
         pilots, step = make_pilots(self._key), PILOT_STEPS[candidate.tier] * 2 ** (track.offset / 4)
         expected = pilots.expected(candidate.profile)
-        self.purse.charge(FIT * len(PULL_IN))
         for grid in PULL_IN:
             # Pilots stand in the mid.
+            self.purse.charge(FIT)
             view = as_used(track, self.view(tape, replace(track, pair=False)))
             fit = search_fit(view, pilots.cells, step, expected, grid)
             self.move(track, fit)
+            if fit.score < LEAST_COARSE * DEVIATION:
+                break
         return fit.score / DEVIATION
 
     def lone(self, track: Track, raw: SuperframeView, levels: list[float]) -> Iterator[Track]:

@@ -7,6 +7,7 @@ Specification: spec/audio-carrier.md, W35.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -22,6 +23,7 @@ from watermark.audio.search.pilot_scan import (
     SEARCH_HOP,
     SEGMENT_FRAMES,
     STRIDE,
+    Sight,
     make_sight,
     slot_frequencies,
 )
@@ -81,6 +83,9 @@ FLOOR = np.float32(THRESHOLD * DEVIATION * PARTS)
 WEIGHTS = (0.66, 0.507)
 """Weights of the scores of a superframe summed with that of the one before, and of the two before:
 they are as rare then in unmarked sound as a score by itself."""
+
+RECENT = 28
+"""Quanta whose sight is remembered: 2.24 s."""
 
 SPARE = 24
 """Quanta for which there is room before the past is moved to the front of its store."""
@@ -247,6 +252,7 @@ class PilotSearch:
         self._soft = _Store((len(PILOT_STEPS), PILOT_SLOTS), self._correlator.kept, np.int8)
         self._sound = np.zeros(0, dtype=np.float32)
         self._count = 0
+        self._recent: deque[Sight] = deque(maxlen=RECENT)
 
     @property
     def needed(self) -> int:
@@ -264,10 +270,27 @@ class PilotSearch:
         _soft_kernels.pilot_soft(
             projections, alive, self._turn, self._dither, self._steps, row, self._soft.values
         )
+        self._recent.append((projections, alive))
         found = self._correlator.find(self._soft.values, row, self._peaks.values, past)
         first = self._correlator.first + self._count * PLACES
         self._count += 1
         return None if found is None else self._correlator.candidate(found, first)
+
+    def recent(self, count: int) -> tuple[float, Sight] | None:
+        """Return what the last rows show, that many, and where they begin, if they are remembered.
+
+        Places are samples at 48 kHz from the first one of the search.
+        """
+        quantum = PLACES // TURNS.size
+        spare = len(self._recent) * quantum - count
+        if spare < 0:
+            return None
+        needed = list(self._recent)[spare // quantum :]
+        parts = (np.concatenate(part, axis=1) for part in zip(*needed, strict=True))
+        # Compiled loops take contiguous arrays.
+        projections, alive = (np.ascontiguousarray(part[:, spare % quantum :]) for part in parts)
+        begin = self._count * quantum - count
+        return DECIMATION * STRIDE * float(begin), (projections, alive)
 
 
 class _Store:

@@ -3,7 +3,7 @@
 Pilots are the same in every superframe. A stretch correlates them coherently within each
 superframe; here the scores of superframes add up, from stretch to stretch, at the places of one
 period, as long as the clock is as right as clocks are. In: scores of a stretch's places; out: the
-place that stands out. Cost: `hypotheses.COST_EVIDENCE`, 0.8 MB for each hypothesis that was tried.
+place that stands out. Cost: `hypotheses.COST_EVIDENCE`, 0.4 MB for each gain that was tried.
 """
 
 import math

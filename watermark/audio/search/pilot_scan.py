@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from watermark.audio.signal.layout import Cells, make_pilots
 from watermark.audio.signal.masking import CAP, COMPRESSION, GROWTH, REFERENCE, make_masker
 from watermark.audio.signal.mdct import sliding_tables
-from watermark.audio.signal.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS, PILOT_SLOTS
+from watermark.audio.signal.profile import FIRST_PILOT_BIN, FS, HOP, PILOT_BINS, PILOT_SLOTS
 
 DECIMATION = 4
 """A search works at 48 kHz / 4."""
@@ -146,3 +146,18 @@ def _parts(edges: NDArray[np.int64], cells: Cells) -> NDArray[np.int64]:
 def make_sight(key: int) -> PilotScan:
     """Return the sight of a key: it has no state."""
     return PilotScan(key)
+
+
+Sight = tuple[NDArray[np.complex64], NDArray[np.float32]]
+"""Projections of pilot slots, (PILOT_SLOTS, rows), and which of them are alive."""
+
+
+def see_stretch(key: int, sound: NDArray[np.float64]) -> Sight:
+    """Project the slots of a sound at 12 kHz by itself, samples of shape (n,)."""
+    sight = make_sight(key)
+    return sight.look(sound.astype(np.float32), sight.silence)[:2]
+
+
+def rows_of(seconds: float) -> int:
+    """Return the number of rows that lie whole in some sound."""
+    return (int(seconds * FS / DECIMATION) - 2 * SEARCH_HOP) // STRIDE + 1

@@ -1,6 +1,6 @@
 """Acquisition that is blind to phase: pilots whose bands were turned each by its own angle.
 
-In: some seconds of the search's sound and the steps that pilots may have; out: the likeliest places
+In: the sight of some seconds of sound and the steps that pilots may have; out: the likeliest places
 with a phase for each pilot slot. Each slot is correlated at all phases, and its best one counts: of
 six slots, noise gains less by that than turned pilots do.
 Specification: spec/audio-carrier.md, W41.
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.search.evidence import Evidence
-from watermark.audio.search.pilot_scan import CENTRE, DECIMATION, ROWS_PER_FRAME, STRIDE, make_sight
+from watermark.audio.search.pilot_scan import CENTRE, DECIMATION, ROWS_PER_FRAME, STRIDE, Sight
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, PROFILES
 
-TURNS = 12
+TURNS = 8
 """Phases of a slot that are tried."""
 
 LEAST_SIGNIFICANCE = 5.5
@@ -58,7 +58,7 @@ class RotatedSearch:
     """Search of a stretch for pilots of any profile at any phase."""
 
     def __init__(self, key: int) -> None:
-        pilots, self._key = make_pilots(key), key
+        pilots = make_pilots(key)
         self._slots = np.ascontiguousarray(pilots.slots.T)
         self._signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1), dtype=np.int16)
         self._dither = pilots.cells.dither.astype(np.float32)
@@ -66,14 +66,14 @@ class RotatedSearch:
         self._turn = np.exp(1j * angle).astype(np.complex64)
 
     def find(
-        self, sound: NDArray[np.float64], steps: tuple[float, ...], evidence: Evidence, first: float
+        self, seen: Sight, steps: tuple[float, ...], evidence: Evidence, first: float
     ) -> list[RotatedCandidate]:
         """Likeliest places of pilots of some steps: in a stretch, and by all stretches so far.
 
         Parameters
         ----------
-        sound : ndarray of float64, shape (n,)
-            Samples at 12 kHz, two superframes at least.
+        seen : tuple of ndarray
+            The sight of two superframes at least.
         steps : tuple of float
             Tried.
         evidence : Evidence
@@ -81,8 +81,7 @@ class RotatedSearch:
         first : float
             Samples of the mark before this stretch.
         """
-        sight = make_sight(self._key)
-        projections, alive, _ = sight.look(sound.astype(np.float32), sight.silence)
+        projections, alive = seen
         places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
         if places < PERIOD:
             return []

@@ -19,17 +19,17 @@ from watermark.audio.search.hypotheses import (
     make_hypotheses,
 )
 
-SPEND = 14.0
+SPEND = 12.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
 SAVED_S = 4.0
 """Sound whose allowance may be saved: the rest of an unspent allowance expires."""
 
-FIRST = 240.0
-"""Allowance at the start: two rounds of the likely hypotheses."""
+FIRST = 160.0
+"""Allowance at the start: a round of all hypotheses but rare ones."""
 
-NOTHING = 0.3
-"""Cost of finding that there is nothing to search."""
+NOTHING, UNSOUGHT = 2.0, 0.5
+"""Cost of finding that there is nothing to search, and part of the pause that follows."""
 
 REPEATED = 3.0
 """Factor on the rate of hypotheses that were read on this set before, and of those that seem
@@ -121,12 +121,13 @@ class HypothesisScheduler:
         return best.hypothesis
 
     def give_back(self, hypothesis: ChannelHypothesis) -> None:
-        """Note that a hypothesis needed no search: its mix is silent, or one tried before."""
-        self._allowance += hypothesis.cost - NOTHING
+        """Note that a hypothesis needed no search: its mix is silent, or one tried before.
 
-    def waiting(self, now_s: float) -> int:
-        """Return how many hypotheses are due and were not tried yet."""
-        return sum(entry.waited(now_s) >= 1.0 for entry in self._entries)
+        It costs little to look for its mix again, after part of its pause.
+        """
+        self._allowance += hypothesis.cost - NOTHING
+        self._find(hypothesis).tried_s -= (1 - UNSOUGHT) * hypothesis.pause_s
+        self._idle_until_s = -math.inf
 
     def evidence(self, hypothesis: ChannelHypothesis) -> Evidence:
         """Return what stretches said so far, if a hypothesis is true."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.search.channel_mixes import ChannelMix
-from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH
+from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH, Sight, see_stretch
 from watermark.audio.signal.profile import FS
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
@@ -24,23 +24,39 @@ class Stretch:
         The mix and its side.
     nominal : float
         Samples that come for one of the mark's own at its usual speed.
-    first : int, optional
+    first : float, optional
         Where the stretch begins, where the tape holds more; it ends with the tape.
+    seen : Sight, optional
+        Its sight at its usual speed, where the usual search has looked at it.
 
     Attributes
     ----------
-    first, end : int
+    first, end : float
         Where it begins and ends.
     """
 
-    def __init__(self, tape: StereoBuffer, nominal: float, first: int | None = None) -> None:
-        self.tape, self._low = tape, SampleBuffer()
+    def __init__(
+        self,
+        tape: StereoBuffer,
+        nominal: float,
+        first: float | None = None,
+        seen: Sight | None = None,
+    ) -> None:
+        self.tape, self._low, self._seen = tape, SampleBuffer(), seen
         self.first, self.end = tape.first if first is None else first, tape.end
-        step, count = DECIMATION * nominal, self.end - self.first
-        self._low.append(tape.read(self.first, step, int(count / step), LOW_REACH))
+        self._step = DECIMATION * nominal
+
+    def see(self, key: int, speed: float, seconds: float) -> Sight:
+        """Look at the first seconds as if they came at some speed."""
+        if self._seen is not None and speed == 1.0:
+            return self._seen
+        return see_stretch(key, self.low(speed, seconds))
 
     def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
         """Return the first seconds at the search's rate, as if they came at some speed."""
+        if not self._low.end:
+            count = int((self.end - self.first) / self._step)
+            self._low.append(self.tape.read(self.first, self._step, count, LOW_REACH))
         count = min(int(seconds * FS / DECIMATION), self._low.end)
         return self._low.read(0.0, speed, int(count / speed), LOW_REACH)
 

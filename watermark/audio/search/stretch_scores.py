@@ -1,7 +1,7 @@
 """What some seconds of sound say of all places where a superframe may begin, at any step and clock.
 
-In: a stretch at the search's rate; out: soft values of pilots at all places, and the scores of the
-superframes that lie whole in it. Cost: `hypotheses.COST_SIGHT` and `COST_GAIN` for 1.45 s.
+In: the sight of a stretch; out: soft values of pilots at all places, and the scores of the
+superframes that lie whole in it. Cost: `hypotheses.COST_GAIN` for 1.45 s.
 Specification: spec/audio-carrier.md, W35.
 """
 
@@ -20,12 +20,9 @@ from watermark.audio.search.acquire import (
     make_correlator,
     turns_of,
 )
-from watermark.audio.search.pilot_scan import PARTS, make_sight
+from watermark.audio.search.pilot_scan import PARTS, Sight
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import PILOT_SLOTS, PILOT_STEPS, SLOT_FRAMES
-
-Sight = tuple[NDArray[np.complex64], NDArray[np.float32]]
-"""Projections of pilot slots and which of them are alive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +47,18 @@ class StretchScores:
     correlator: PilotCorrelator
 
     def candidate(self, pair: int, place: int, significance: float) -> Candidate:
-        """Make a candidate of a place that evidence points to."""
-        period = range(place, self.peaks.shape[1], PERIOD)
-        best = max(period, key=lambda i: int(self.peaks[pair, i]))
+        """Make a candidate of a place, or the one after it, that evidence points to."""
+        peaks = self.peaks[pair]
+        near = [i for beside in (0, 1) for i in range(place + beside, peaks.size, PERIOD)]
+        best = max(near, key=lambda i: int(peaks[i]))
         score = significance * PARTS * DEVIATION
         return self.correlator.candidate((pair, score, best, 0), self.first)
+
+
+def higher_of_two(peaks: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Return the higher of each two neighbours, shape (pairs, n // 2): a peak is wider than one."""
+    even = peaks[:, : peaks.shape[1] // 2 * 2]
+    return np.asarray(np.maximum(even[:, ::2], even[:, 1::2]))
 
 
 def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8]:
@@ -83,12 +87,6 @@ def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8
     steps = (2.0**gain * np.array(PILOT_STEPS)).astype(np.float32)
     _soft_kernels.pilot_soft(projections, alive, turns_of(None), dither, steps, 0, soft)
     return soft
-
-
-def see_stretch(key: int, sound: NDArray[np.float64]) -> Sight:
-    """Projections of the slots at 12 kHz, complex64, and which are alive, (PILOT_SLOTS, rows)."""
-    sight = make_sight(key)
-    return sight.look(sound.astype(np.float32), sight.silence)[:2]
 
 
 def search_stretch(

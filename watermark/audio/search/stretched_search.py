@@ -1,8 +1,8 @@
 """Acquisition in sound that was stretched at its pitch: pilots that lie in pieces.
 
 Within a piece pilots lie as usual; from piece to piece some milliseconds are left out or heard
-twice. In: sound at 12 kHz; out: the likeliest path of a superframe's pilots, by dynamic programming
-(Viterbi, IEEE Trans. IT 13(2), 1967). Specification: spec/audio-carrier.md, W48.
+twice. In: the sight of a stretch; out: the likeliest path of a superframe's pilots, by dynamic
+programming (Viterbi, IEEE Trans. IT 13(2), 1967). Specification: spec/audio-carrier.md, W48.
 """
 
 import math
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.search.acquire import FIRST_PLACE, PLACE, ROW_HOP
-from watermark.audio.search.pilot_scan import PARTS
-from watermark.audio.search.stretch_scores import pilot_places, see_stretch
+from watermark.audio.search.pilot_scan import PARTS, Sight
+from watermark.audio.search.stretch_scores import pilot_places
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import (
     FRAMES_PER_SUPERFRAME,
@@ -55,13 +55,11 @@ class StretchedCandidate:
     score: float
 
 
-def find_stretched(
-    key: int, sound: NDArray[np.float64], *, least: float = LEAST
-) -> StretchedCandidate | None:
-    """Best candidate of a least score that lies whole in some 2 s, samples at 12 kHz, if any."""
+def find_stretched(key: int, seen: Sight, *, least: float = LEAST) -> StretchedCandidate | None:
+    """Best candidate of a least score that lies whole in the sight of some 2 s, if any."""
     from watermark.audio.search._stretched_kernels import BLOCK, follow_pilots
 
-    soft, pilots = pilot_places(key, see_stretch(key, sound)), make_pilots(key)
+    soft, pilots = pilot_places(key, seen), make_pilots(key)
     slots = np.ascontiguousarray(pilots.slots.T)
     segments = FRAMES_PER_SUPERFRAME // SEGMENT
     room = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
