@@ -33,7 +33,13 @@ middle of a window are far from its mean, and from the lattices."""
 
 CLEAR = 16.0
 """Least difference between the best and the worst correction, in squared standard deviations, for
-taking the best one: a picture with no border in view has none."""
+taking any: a picture with no border in view has none."""
+
+TRUST = 4.0
+"""Squared standard deviations of noise that a correction by one frame at 25 per second costs; twice
+as many frames cost four times as much. The position so far rests on windows and on earlier
+borders, and a border may be seen late: coders show a weak new pattern from their next good picture
+on."""
 
 
 class BorderClock:
@@ -92,8 +98,15 @@ class BorderClock:
             waves = pilot_waves(place, texture[self._common])
             self._samples.append((first + n + 0.5, float(np.mean(self._signs * waves))))
 
-    def correction(self, position: float) -> float:
-        """Return the delay in frames of a superframe that starts at frame `position`."""
+    def correction(self, position: float, *, trust: float = TRUST) -> float:
+        """Return the delay in frames of a superframe that starts at frame `position`.
+
+        Parameters
+        ----------
+        position : float
+        trust : float
+            In place of `TRUST`; 0 for a position that rests on nothing yet.
+        """
         if len(self._samples) < self._span / 2:
             return 0.0
         times, agreement = np.array(self._samples).T
@@ -109,9 +122,9 @@ class BorderClock:
             fitted = (agreement @ waves) ** 2 / np.sum(waves**2, axis=0)
             if fitted.max() > explained.max():
                 explained = fitted
-        best = int(explained.argmax())
-        left = float(agreement @ agreement) - explained[best]
+        left = float(agreement @ agreement) - explained.max()
         noise = max(left / len(times), 0.5 / self._signs.size / 4)
-        if explained[best] - explained.min() < CLEAR * noise:
+        if explained.max() - explained.min() < CLEAR * noise:
             return 0.0
-        return float(self._tried[best])
+        explained -= trust * noise * (16 / self._span * self._tried) ** 2
+        return float(self._tried[int(explained.argmax())])

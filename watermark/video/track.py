@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
-from watermark.video.borders import BorderClock
+from watermark.video.borders import TRUST, BorderClock
 from watermark.video.demodulate import Soft, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
@@ -165,7 +165,8 @@ class VideoTracker:
             self._clock.add(first, np.array(values), texture)
         self._clocked = self._count
         lead = (self._timing.span - self._timing.window) / 2
-        return place + self._clock.correction(place - lead)
+        trust = TRUST if self._due is not None else 0.0
+        return place + self._clock.correction(place - lead, trust=trust)
 
     def _before(self, start: float) -> list[ReceivedSuperframe]:
         """Decode the superframe before the first one: its pilots alone may have been too weak."""
