@@ -97,8 +97,9 @@ def write_stream(folder: Path, seconds: int) -> bytes:
             heard: Any = out.add_stream(codec, rate=FS)
             heard.layout, heard.bit_rate = layout, rate
             for n in range(begin, end):
+                # Luma above chroma, as libav lays them out.
                 frame = av.VideoFrame.from_ndarray(
-                    np.full((64, 64, 3), n % 256, np.uint8), format="rgb24"
+                    np.full((96, 64), 16 + n % 220, np.uint8), format="yuv420p"
                 )
                 frame.pts, frame.time_base = n, Fraction(1, 25)
                 out.mux(picture.encode(frame))

@@ -197,14 +197,15 @@ def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
     head = np.fft.rfft(ratio[:, :LAGS], 2 * LAGS)
     whole = np.fft.rfft(ratio, 2 * LAGS)
     product = np.fft.irfft(np.conj(head) * whole, 2 * LAGS)[:, :LAGS]
-    squares = np.cumsum(np.pad(ratio**2, ((0, 0), (1, 0))), axis=1)
-    lag = np.arange(LAGS)
-    moving = squares[:, lag + LAGS] - squares[:, lag]
+    squares = np.zeros((len(ratio), 2 * LAGS))
+    np.cumsum(np.square(ratio), axis=1, out=squares[:, 1:])
+    moving = squares[:, LAGS:] - squares[:, :LAGS]
     norm = np.sqrt(np.maximum(moving * moving[:, :1], 0.0))
     correlation = np.ones_like(product)
     np.divide(product, norm, out=correlation, where=norm > 1e-20)
     correlation -= correlation.mean(axis=1, keepdims=True)
-    spectrum = np.abs(np.fft.rfft(correlation * _WINDOW, axis=1)) ** 2
+    spectrum = np.fft.rfft(correlation * _WINDOW, axis=1)
+    spectrum = np.square(spectrum.real) + np.square(spectrum.imag)
     peak = np.where(spectrum[:, 1:] > spectrum[:, :-1], spectrum[:, 1:], 0.0).max(axis=1)
     return np.where((energy < SILENT).all(axis=0), -1.0, peak)
 

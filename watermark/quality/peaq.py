@@ -187,7 +187,9 @@ class PeaqMeter:
         probability, steps = np.zeros((count, BANDS)), np.zeros((count, BANDS))
         for c in range(self._channels):
             frames = sliding_window_view(pair[:, :, c], FRAME, axis=1)[:, ::HOP]
-            power = np.abs(np.fft.rfft(frames * ear_tables().window, axis=2)) ** 2
+            spectra = np.fft.rfft(frames * ear_tables().window, axis=2)
+            power = np.square(spectra.real)
+            power += np.square(spectra.imag)
             energy = np.square(frames[:, :, HOP:]).sum(axis=2)
             ehs[c] = harmonic_structure(power, energy)
             _run_model(power, self._state[c], features[c], probability, steps)

@@ -184,7 +184,8 @@ class AudioEmbedder:
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
         self._apart = self._control is None
-        self._programme = np.zeros((0, channels))
+        self._programme: list[NDArray[np.float64]] = []
+        self._waiting = 0
         self._given = 0
         self._host = SampleBuffer()
         self._side = SampleBuffer()
@@ -212,7 +213,8 @@ class AudioEmbedder:
             Marked samples, in order and without gaps.
         """
         x = checked_block(block, self._channels)
-        self._programme = np.concatenate([self._programme, x])
+        self._programme.append(np.array(x))  # the caller may use his block again
+        self._waiting += len(x)
         self._host.append(mid_of(x))
         self._side.append(side_of(x))
         self._shares.append(x)
@@ -231,7 +233,7 @@ class AudioEmbedder:
         -------
         ndarray of float32, shape (m, channels)
         """
-        total = self._given + self._programme.shape[0]
+        total = self._given + self._waiting
         needed = math.ceil(total / self._fs / SUPERFRAME_S)
         self._rehearse(needed)
         if self._rehearsal is not None:
@@ -240,7 +242,7 @@ class AudioEmbedder:
             self._write_next(min(self._stretch_length, needed - self._next))
         for tape in (self._mark, self._across, self._taken):
             tape.append(np.zeros(FS // 10))
-        return self._take(self._programme.shape[0])
+        return self._take(self._waiting)
 
     def report(self) -> EmbedReport:
         """Return figures of all that was handed out.
@@ -438,12 +440,16 @@ class AudioEmbedder:
         return max(0, int((self._mark.end - margin) / ratio) - self._given)
 
     def _take(self, count: int) -> NDArray[np.float32]:
-        count = min(count, self._programme.shape[0])
+        count = min(count, self._waiting)
+        if not count:
+            return np.zeros((0, self._channels), dtype=np.float32)
         ratio = FS / self._fs
         mark = self._mark.read(self._given * ratio, ratio, count)
         across = self._across.read(self._given * ratio, ratio, count)
         taken = self._taken.read(self._given * ratio, ratio, count)
-        x, self._programme = self._programme[:count], self._programme[count:]
+        whole = np.concatenate(self._programme)
+        x, self._programme = whole[:count], [whole[count:]]
+        self._waiting -= count
         self._host_power += float((mid_of(x) ** 2).sum())
         self._mark_power += float((mark**2).sum())
         self._given += count
