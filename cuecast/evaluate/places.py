@@ -74,14 +74,19 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
         options.say("real cuers")
         takes = real_takes(options.clips, load_voice())
         rows += _place_rows("real", points_of_takes(takes))
-    for number, name in enumerate(options.cuers or CUERS):
+    for name in options.cuers or CUERS:
         options.say(name)
         identity, law = name.split("/")
         scores = [_read(text) for text in sentences(held_out=True)[:_SENTENCES]]
         if law == MEASURED:
             scores = [at_real_pace(score) for score in scores]
-        cuer = performer(identity, law, rate_hz=_RATE_HZ, seed=options.seed + number)
-        rows += _place_rows(name, points_of(cuer, scores))
+        points: Points = {placement: [] for placement in REAL_MM}
+        # A cuer of one seed scatters alike in each sentence.
+        for seed, score in enumerate(scores, start=options.seed):
+            cuer = performer(identity, law, rate_hz=_RATE_HZ, seed=seed)
+            for placement, own in points_of(cuer, [score]).items():
+                points[placement].extend(own)
+        rows += _place_rows(name, points)
     for _, (name, subtitles) in zip(
         range(_PASSED_IN), programmes(replace(options, clips=None)), strict=False
     ):

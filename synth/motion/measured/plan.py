@@ -1,10 +1,11 @@
 """When she sets out and arrives, and where to: the second cuer's plan of a score.
 
-Her hand is aimed by the lips: it arrives some time before the vowel is shown. Lag, durations and
+Her hand is aimed by the sounds: it arrives as a key's first one begins. Lag, durations and
 curvature are drawn key by key from the distributions measured on real cuers; each of her joints
 takes its own time.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from codec.cuer.layout import HAND_MARKERS, longest_finger_tip
 from codec.cues.cueing import DEFAULT_OPTIONS
 from codec.cues.score import PLACEMENT_NUMBER, PLACEMENTS, Key, Phone, Score
 from synth.motion.body.body import Body
+from synth.motion.body.reach import placement_target
 from synth.motion.body.shapes import all_shapes
 from synth.motion.body.skeleton import HAND_ANGLES
 from synth.motion.measured.drift_noise import DriftNoise, normals_of
@@ -21,18 +23,24 @@ from synth.motion.measured.strokes import Strokes
 
 FloatArray = NDArray[np.float64]
 
-KEYS_PER_S = 3.55
-"""Her pace; real cuers 3.0 to 3.9, 0.33 s from arrival to arrival."""
+KEYS_PER_S = 3.4
+"""Her pace; real cuers 3.0 to 3.9. From arrival to arrival it is 0.31 s, on 64 real takes 0.32."""
 
 _EVENNESS = 0.3
 """Power of a key's length in the sound that is left in hers."""
 
-_BEFORE_LIPS_S = (0.165, 0.12, 0.06)
-"""How long the hand is on target before the vowel's lips: mean, and spreads of what changes over
-phrases and from key to key, seconds."""
+_STAYS = 0.75
+"""Length of a key at the place of the one before against that of others. From arrival to arrival
+real ones take 0.28 s there, 0.31 to 0.35 s to another place."""
+
+_ARRIVES_S = (0.053, 0.12, 0.06)
+"""How long after its first sound begins the hand shows a key: mean, and spreads of what changes
+over phrases and from key to key, seconds. It is there 0.17 s before a vowel's lips.
+Real hands keep to the begin: their next key comes 0.04 s later after one with a vowel; aimed at the
+vowels, hers came 0.016 s earlier."""
 
 _SLOW_KEYS = 5.0
-"""Keys over which the slow part of her lead changes."""
+"""Keys over which the slow part of her lag changes."""
 
 _LEAST_APART_S = 0.15
 """Seconds between arrivals at least."""
@@ -52,8 +60,8 @@ _USUAL_MM = 56.0
 _LIMITS_S = (0.16, 0.62)
 """Shortest and longest stroke in seconds."""
 
-_USED = 0.65
-"""Part of an idle time that the next stroke takes in."""
+_USED = 0.85
+"""Part of an idle time that the next stroke takes in: real hands hold few keys for 40 ms."""
 
 _OVERLAP = 0.15
 """Greatest part of a stroke before the arrival of the last one: the hand has gone a twentieth of
@@ -82,7 +90,7 @@ _TURN_SCATTER = 0.03
 
 _SCATTER = {
     "rest": (25.0, 25.0, 25.0),
-    "side": (24.0, 22.0, 14.0),
+    "side": (24.0, 17.0, 14.0),
     "mouth": (3.5, 3.5, 3.5),
     "chin": (5.0, 5.0, 5.0),
     "cheek": (6.0, 6.0, 6.0),
@@ -90,17 +98,22 @@ _SCATTER = {
 }
 """Of the pointing tip from key to key, mm across, up and forward. With the small motion of
 arm and fingers it scatters by 6 to 8 mm at mouth and chin, as real tips do: the arm makes up for
-wrong angles of wrist and fingers. Sides and throats of real ones spread by 20 mm and more; 161
-sides of one where the middle finger is slow, by 29 mm across and 22 up."""
+wrong angles of wrist and fingers. Sides and throats of real ones spread by 20 mm and more: 424
+sides of one by 25 mm across and 19 up (slow ones 23 and 15) about the mean of their finger and of
+the place before."""
 
 _SIDE_CORRELATION = -0.6
-"""Correlation of across and up at the side, of the same 161: near the face a hand is lower than the
-mouth."""
+"""Correlation of across and up at the side, of slow middle fingers: near the face a hand is lower
+than the mouth."""
 
 _SIDE_MM = {"F2T": np.array([-28.0, 20.0]), "F3T": np.array([10.0, 3.0])}
 """From her place at the side to that of the index and of the middle finger: the hand has a place
 there, and the index of a closed hand stands farther out. Medians of one real cuer are 50 mm apart
 and 19 mm high; in the mean she stays where four groups of takes have the side."""
+
+_OFF_MOUTH_MM = np.array([30.0, 24.0])
+"""Half axes of the ellipse about the mouth's place that sides keep out of. Of real sides 10 of 100
+lie within 22 mm across and 18 up of it, of hers, scattered freely, 17, with this 11."""
 
 _TO_REST_S = (0.12, 0.75)
 """Seconds after the last key at which the hand sets out for rest, and that it takes."""
@@ -145,19 +158,21 @@ def paced(score: Score, keys_per_s: float = KEYS_PER_S) -> Score:
     score : Score
     keys_per_s : float
         Mean pace inside phrases. Keys differ less in length than the sounds did: a consonant
-        alone asks for a gesture too. Gaps between keys keep their length.
+        alone asks for a gesture too. A key at another place than the one before takes longer.
+        Gaps between keys keep their length.
     """
     if not score.keys:
         return score
-    usual, mean = 1.0 / keys_per_s, float(np.mean([k.end - k.start for k in score.keys]))
+    spoken = np.array([key.end - key.start for key in score.keys])
+    asked = (spoken / max(float(spoken.mean()), 1e-3)) ** _EVENNESS
+    places = [key.placement for key in score.keys]
+    stays = np.array([False, *(a == b for a, b in itertools.pairwise(places))])
+    share = np.where(stays, _STAYS, 1.0)
+    lengths = asked * share / (share.mean() * keys_per_s)
     before, after = [0.0], [0.0]
-    # Time is mapped piece by piece: pauses keep their length, a key gets `usual` * (length /
-    # mean)^evenness.
-    for key in score.keys:
-        for at, length in (
-            (key.start, key.start - before[-1]),
-            (key.end, usual * ((key.end - key.start) / max(mean, 1e-3)) ** _EVENNESS),
-        ):
+    # Time is mapped piece by piece: pauses keep their length, a key gets its own.
+    for key, own_s in zip(score.keys, lengths.tolist(), strict=True):
+        for at, length in ((key.start, key.start - before[-1]), (key.end, own_s)):
             if at > before[-1]:
                 before.append(at)
                 after.append(after[-1] + length)
@@ -208,8 +223,11 @@ def make_plan(
     away[side, 1] *= np.sqrt(1.0 - _SIDE_CORRELATION**2)
     away[side, 1] += _SIDE_CORRELATION * away[side, 0]
     aims += np.array([_SCATTER[n] for n in PLACEMENTS])[placement] * away
+    mouth = placement_target(body, "mouth")[:2]
     for number in np.flatnonzero(side):
         aims[number, :2] += _SIDE_MM[longest_finger_tip(int(shape[number]))]
+        off = (aims[number, :2] - mouth) / _OFF_MOUTH_MM
+        aims[number, :2] += max(1.0 / np.linalg.norm(off) - 1.0, 0.0) * off * _OFF_MOUTH_MM
     arms[:, 3:] += aims - _tips(body, angles, arms, shape)
     begin, span = _times(arms, arrive, drawn)
     leave = np.append(begin[1:], np.inf)
@@ -234,15 +252,13 @@ def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
     """Return targets, rests included, and their times of arrival; the first is long past."""
     keys: list[Key | None] = [None]
     arrive = [-1e6]
-    slow = DriftNoise(np.array([_BEFORE_LIPS_S[1]]), _SLOW_KEYS, seed + 4)
+    slow = DriftNoise(np.array([_ARRIVES_S[1]]), _SLOW_KEYS, seed + 4)
     lag = slow.at(np.arange(float(len(score.keys))))[:, 0]
-    lag += _BEFORE_LIPS_S[2] * np.array(
-        [normals_of(seed + 4, -n - 2, 1)[0] for n, _ in enumerate(lag)]
-    )
+    lag += _ARRIVES_S[2] * np.array([normals_of(seed + 4, -n - 2, 1)[0] for n, _ in enumerate(lag)])
     gap_s = DEFAULT_OPTIONS.rest_gap_s
     for number, key in enumerate(score.keys):
         before = score.keys[number - 1] if number else None
-        at = _lips(key, score) - _BEFORE_LIPS_S[0] - lag[number]
+        at = key.start + _ARRIVES_S[0] - lag[number]
         if before is not None and key.start - before.end >= gap_s:
             keys.append(None)
             latest = max(at - _REST_BEFORE_S, arrive[-1] + 0.2)
@@ -253,15 +269,6 @@ def _aims(score: Score, seed: int) -> tuple[list[Key | None], FloatArray]:
         keys.append(None)
         arrive.append(max(score.keys[-1].end, arrive[-1]) + sum(_TO_REST_S))
     return keys, np.array(arrive)
-
-
-def _lips(key: Key, score: Score) -> float:
-    """Return when the lips show the key's vowel, or its only sound: the middle of it."""
-    own = [p for p in score.phones if key.start - 1e-6 <= p.start < key.end - 1e-6]
-    if not own:
-        return 0.6 * key.start + 0.4 * key.end if len(key.phones) < 2 else key.end
-    last = own[-1]
-    return 0.5 * (last.start + last.end)
 
 
 def _times(
