@@ -293,16 +293,22 @@ def moved(
     out = np.zeros((len(times), values.shape[1]))
     done = np.zeros((len(times) + 1, values.shape[1]))
     done[0] = values[max(first - 1, 0)]
-    for g in range(max(first, 1), last):
-        leave, reach = gestures.leave[g], gestures.reach[g]
-        apart = min(1.0, (reach - leave) / max(movement.stroke_s, 1e-9))
-        begin = leave + apart * begins_s
-        length = np.maximum(reach + apart * ends_s - begin, 0.5 * (reach - leave))
-        under_way = slice(*np.searchsorted(times, (np.min(begin), np.max(begin + length))))
-        elapsed = np.clip((times[under_way, None] - begin) / length, 0.0, 1.0)
-        # x(t) = x0 + sum over strokes of (target - target before) * profile(share of the stroke's
-        # time); strokes that are over are added by a running sum.
-        step = values[g] - values[g - 1]
-        out[under_way] += profile(elapsed**movement.power) * step
-        done[under_way.stop] += step
+    strokes = slice(max(first, 1), max(first, 1, last))
+    leave, reach = gestures.leave[strokes, None], gestures.reach[strokes, None]
+    apart = np.minimum(1.0, (reach - leave) / max(movement.stroke_s, 1e-9))
+    begin = leave + apart * begins_s
+    length = np.maximum(reach + apart * ends_s - begin, 0.5 * (reach - leave))
+    # x(t) = x0 + sum over strokes of (target - target before) * profile(share of the stroke's
+    # time); strokes that are over are added by a running sum. All strokes' frames in one row.
+    step = np.diff(values[strokes.start - 1 : strokes.stop], axis=0)
+    begun, over = np.searchsorted(times, (begin.min(axis=1), (begin + length).max(axis=1)))
+    frames = over - begun
+    row = np.concatenate([[0], np.cumsum(frames)])
+    stroke = np.repeat(np.arange(len(frames)), frames)
+    now = times[np.arange(row[-1]) + (begun - row[:-1])[stroke], None]
+    elapsed = np.clip((now - begin[stroke]) / length[stroke], 0.0, 1.0)
+    part = profile(elapsed**movement.power) * step[stroke]
+    for g in range(len(frames)):
+        out[begun[g] : over[g]] += part[row[g] : row[g + 1]]
+        done[over[g]] += step[g]
     return np.asarray(out + np.cumsum(done[:-1], axis=0))
