@@ -80,9 +80,6 @@ class CoderStream:
         self._encoder = encoder
         self._decoder: Any = av.CodecContext.create(_decoder_of(match[1]), "r")
         self._decoder.extradata = encoder.extradata
-        self._towards = av.AudioResampler(
-            encoder.format, "stereo", FS, frame_size=encoder.frame_size or 1024
-        )
         self._back = av.AudioResampler(*_DECODED)
         self._time = 0
 
@@ -94,12 +91,11 @@ class CoderStream:
         frame.sample_rate, frame.pts = FS, self._time
         self._time += len(words)
         parts: list[NDArray[Any]] = [np.zeros((2, 0), dtype=np.float32)]
-        for whole in self._towards.resample(frame):
-            for packet in self._encoder.encode(whole):
-                for heard in self._decoder.decode(packet):
-                    plain = (heard.format.name, heard.layout.name, heard.rate) == _DECODED
-                    same = [heard] if plain else self._back.resample(heard)
-                    parts += [part.to_ndarray() for part in same]
+        for packet in self._encoder.encode(frame):
+            for heard in self._decoder.decode(packet):
+                plain = (heard.format.name, heard.layout.name, heard.rate) == _DECODED
+                same = [heard] if plain else self._back.resample(heard)
+                parts += [part.to_ndarray() for part in same]
         return np.ascontiguousarray(np.concatenate(parts, axis=1).T, dtype=np.float32)
 
 
