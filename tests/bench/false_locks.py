@@ -1,11 +1,14 @@
 """Hours of unmarked sound to the receiver: how often does it believe to hear a superframe?
 
 In: sound files, each played again and again at other speeds and paces, so that no passage comes
-twice alike; out: a line of figures as the hours pass. A new receiver takes over from time to time.
-Run: ``python tests/bench/false_locks.py``.
+twice alike; out: a line of figures as the hours pass and one at the end. A new receiver takes over
+from time to time. Run: ``python -m tests.bench.false_locks --minutes 40 --random 1000000``: ends
+by itself after so much time, or after `--hours` of sound.
 """
 
 import argparse
+import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,18 +128,19 @@ def decode_noise(count: int, seed: int) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--clips", type=Path, default=FOLDER, help="folder of FLAC files")
-    parser.add_argument("--hours", type=float, default=10.0)
+    parser.add_argument("--hours", type=float, default=10.0, help="of sound")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="of running")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--random", type=int, default=0, help="random superframes to decode first")
     options = parser.parse_args()
-    if options.random:
-        accepted = decode_noise(options.random, options.seed)
-        print(f"{options.random} random superframes, {accepted} accepted", flush=True)
-    print(f"profiles searched: {', '.join(PROFILES)}")
+    end, heard = time.monotonic() + 60 * options.minutes, Heard()
+    accepted = decode_noise(options.random, options.seed)
+    print(f"profiles searched: {', '.join(PROFILES)}", flush=True)
     for heard in listen(sorted(options.clips.glob("*.flac")), options.seed):
         print(heard, flush=True)
-        if heard.hours >= options.hours:
-            return
+        if heard.hours >= options.hours or time.monotonic() >= end:
+            break
+    print(f"END: {options.random} random superframes, {accepted} accepted; unmarked sound: {heard}")
 
 
 if __name__ == "__main__":
