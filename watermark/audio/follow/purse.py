@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-EARNED = 60.0
+EARNED = 50.0
 """Units that a second of sound earns; listening takes some 3 besides, whatever comes in."""
 
 SAVED = 120.0
