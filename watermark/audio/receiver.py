@@ -29,9 +29,10 @@ from watermark.audio.follow.recurrence import PlacedCandidate, Recurrences
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.track import Track
 from watermark.audio.follow.track_reader import TrackReader
-from watermark.audio.search.acquire import Candidate, PilotSearch
+from watermark.audio.search.acquire import Candidate
 from watermark.audio.search.channel_mixes import ChannelMix, usual_mix
 from watermark.audio.search.pilot_scan import DECIMATION, LOW_REACH, Sight
+from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.mix import check_format
 from watermark.audio.signal.profile import FS, HOP, SLOT_FRAMES, SUPERFRAME, AudioProfile

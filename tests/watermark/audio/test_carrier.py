@@ -9,7 +9,7 @@ from codec.errors import CueError
 from watermark.audio.embed.design import pre_echoing
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import MAX_MISSES, AudioReceiver
-from watermark.audio.search.acquire import PilotSearch
+from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 

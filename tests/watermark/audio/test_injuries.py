@@ -11,9 +11,10 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from tests.watermark.audio.test_carrier import embed, host, payload, receive
-from watermark.audio.follow.align import SuperframeView, find_delay, read_view
+from watermark.audio.follow.align import SuperframeView, read_view
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import PHASES, Equaliser, KnownCells, lean, path_of
+from watermark.audio.follow.fit import find_delay
 from watermark.audio.follow.track import Track
 from watermark.audio.follow.track_reader import FOLLOW, TrackReader
 from watermark.audio.receiver import AudioReceiver

@@ -9,7 +9,7 @@ from tests.watermark.audio.test_carrier import embed, host
 from watermark.audio.follow import _kernels as _follow_kernels
 from watermark.audio.follow.smoothing import smooth
 from watermark.audio.search import _pilot_kernels, _search_kernels, _soft_kernels
-from watermark.audio.search.acquire import LARGEST_PENALTY, PilotSearch
+from watermark.audio.search.acquire import LARGEST_PENALTY
 from watermark.audio.search.pilot_scan import (
     DECIMATION,
     PARTS,
@@ -20,6 +20,7 @@ from watermark.audio.search.pilot_scan import (
     make_sight,
     see_stretch,
 )
+from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.search.stretch_scores import search_stretch
 from watermark.audio.signal import _kernels
 from watermark.audio.signal.dither import project, soft_values

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from watermark.audio.follow.align import SuperframeView, search_fit
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
+from watermark.audio.follow.fit import search_fit
 from watermark.audio.follow.purse import Ventures
 from watermark.audio.follow.track import Track, as_used, likely_phases
 from watermark.audio.follow.track_reader import TrackReader

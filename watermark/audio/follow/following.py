@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from watermark.audio.follow.align import SuperframeView, find_delay, search_fit
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.attempt import AcceptedAttempt
 from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
+from watermark.audio.follow.fit import find_delay, search_fit
 from watermark.audio.follow.past import PastReader
 from watermark.audio.follow.purse import BESIDE, ELSEWHERE, FOLLOWED, LOCKED_IN, LOST, DecodingPurse
 from watermark.audio.follow.track import Track, as_used, received

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from watermark.audio.follow.align import AlignmentFit, SuperframeView, find_delay, search_fit
+from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
+from watermark.audio.follow.fit import AlignmentFit, find_delay, search_fit
 from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
 from watermark.audio.follow.track import TURNED_TRIALS, Track, as_used, likely_phases, look, views
 from watermark.audio.search.acquire import DEVIATION, Candidate
