@@ -256,7 +256,7 @@ def derive_coding(voice: Voice) -> Coding:
     unit = np.eye(targets.head.shape[1]) * 113 * _HEAD_MM**2 / size
     bases = []
     # Karhunen-Loeve basis of each share of the targets' covariance, under the metric of the
-    # markers. The head is not in the targets: it has a spread of its own.
+    # markers. The head has a spread of its own.
     for share in (_UNEXPLAINED, 2 * _UNEXPLAINED, 1.0):
         spread = share * covariance
         spread[head, head] = unit
