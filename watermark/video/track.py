@@ -39,6 +39,9 @@ since both share three fifths of the pilots' bits."""
 ATTEMPTS = 4
 """Windows that are tried for one superframe: weak pilots are often wrong by a frame or two."""
 
+EARLIER = 2
+"""Frames beyond the usual reach by which a window may begin earlier where nothing was decoded."""
+
 LATE_BEGINS = 0.0, 0.25, 0.5, 0.75
 """Where in its window a late pattern may begin to be seen: a coder shows it from its next good
 picture on, and the one before until then."""
@@ -239,6 +242,11 @@ class VideoTracker:
                     return found[-1]
             if found[-1][2].l1 is not None:
                 return found[-1]
+        if self._due is not None and all(each[2].l0 is None for each in found):
+            # Borders that a coder showed late may have made the position late.
+            tried = {each[0] for each in found}
+            earlier = [n for n in range(-1, -self._guard - EARLIER - 1, -1) if n not in tried]
+            found += [(n, *self._decode(start + n, mode), False) for n in earlier]
         return max(found, key=lambda each: each[2].l0 is not None)
 
     def _late(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
