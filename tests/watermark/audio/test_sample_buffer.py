@@ -18,6 +18,7 @@ from watermark.audio.search.pilot_scan import (
     SEGMENT_FRAMES,
     STRIDE,
     make_sight,
+    rows_of,
     see_stretch,
 )
 from watermark.audio.search.sliding_search import PilotSearch
@@ -157,6 +158,28 @@ def test_sight_kernels_agree_with_their_python(monkeypatch: pytest.MonkeyPatch) 
     plain = sight.look(sound, sight.silence)
     for one, other in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5)
+
+
+def test_what_the_search_has_looked_at_is_remembered() -> None:
+    """As if the stretch had been looked at by itself, but for the masks of its first frame."""
+    rng, search = np.random.default_rng(8), PilotSearch(0)
+    sound, start = rng.normal(0.0, 0.1, 40_000), 0
+    assert search.recent(1) is None
+    while (count := search.needed) <= sound.size - start:
+        search.process(sound[start : start + count])
+        start += count
+    rows = rows_of(2.2)
+    found = search.recent(rows)
+    assert found is not None
+    begin, (projections, alive) = found
+    first = round(begin / DECIMATION)
+    assert first + STRIDE * (rows - 1) + 2 * SEARCH_HOP <= start
+    cut = sound[first : first + STRIDE * (rows - 1) + 2 * SEARCH_HOP]
+    expected, living = see_stretch(0, cut)
+    later = slice(SEARCH_HOP // STRIDE, None)
+    np.testing.assert_allclose(projections[:, later], expected[:, later], rtol=1e-3, atol=1e-3)
+    np.testing.assert_array_equal(alive[:, later], living[:, later])
+    assert search.recent(10 * rows) is None
 
 
 def test_soft_values_of_the_search_are_the_receiver_s() -> None:

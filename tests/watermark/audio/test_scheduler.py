@@ -5,8 +5,12 @@ import pytest
 
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.equaliser import Equaliser
+from watermark.audio.follow.past import PastReader
 from watermark.audio.follow.purse import EARNED, SAVED, YOUNG_S, DecodingPurse, Ventures
 from watermark.audio.follow.retries import Retries
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search import _evidence_kernels
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
@@ -15,7 +19,7 @@ from watermark.audio.search.scheduler import FIRST, SPEND, HypothesisScheduler
 from watermark.audio.search.scheduler import SAVED_S as HUNT_SAVED_S
 from watermark.audio.search.sound_ring import SoundRing
 from watermark.audio.signal.masking import make_masker
-from watermark.audio.signal.profile import STANDARD
+from watermark.audio.signal.profile import FS, STANDARD, SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 STEP_S = 0.08
@@ -62,6 +66,39 @@ def test_what_was_read_comes_first_and_more_often() -> None:
         counts.append(sum(name == film.name for _, name, _ in found))
         assert known == (found[0][1] == film.name)
     assert counts[1] > 2 * counts[0]
+
+
+def test_where_there_was_nothing_to_search_is_looked_again_sooner() -> None:
+    waits = []
+    for needless in (False, True):
+        scheduler, times = HypothesisScheduler(2), list[float]()
+        for n in range(round(STRETCH_S / STEP_S), round(60 / STEP_S)):
+            scheduler.earn(STEP_S)
+            while (one := scheduler.next(n * STEP_S)) is not None:
+                if one.mix == ECHO:
+                    times.append(n * STEP_S)
+                    if needless:
+                        scheduler.give_back(one)
+        waits.append(np.diff(times)[1:].mean())
+    assert waits[1] < 0.7 * waits[0]
+
+
+def test_the_past_is_read_of_what_superframes_that_are_due_leave() -> None:
+    """Reading it all emptied the purse before the second superframe, which shows the gain."""
+    purse = DecodingPurse(balance=0.49 * SAVED, heard_s=YOUNG_S)
+    past = PastReader(FS, TrackReader(0, 1.0, purse), purse)
+    tape = StereoBuffer()
+    tape.append_pair(*np.zeros((2, 6 * SUPERFRAME)))
+    demodulator = Demodulator(STANDARD, 0, purse)
+    place = 4.0 * SUPERFRAME
+    track = Track(place, 1.0, demodulator, 3.0, Equaliser(demodulator.bands))
+    past.start(track, 0.0, np.inf)
+    assert past.read(tape) == []
+    assert track.position == place
+    purse.earn(0.1)
+    assert past.read(tape) == []
+    assert track.position == place - SUPERFRAME
+    assert purse.balance < 0.5 * SAVED
 
 
 def test_weak_pilots_add_up_over_stretches() -> None:
