@@ -10,9 +10,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
+from cuecast.live.aligner import Aligner
 from cuecast.live.figures import HELP
 from cuecast.live.lines import Arrival, arrival_of
-from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.multiplex import Multiplex
 from cuecast.live.pcm import PcmPassage
 from cuecast.live.worker import FOUND, PROCESSES, MarkedPiece, Worker, WorkerNote
 

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import load_voice
 from cuecast.demo.content import FS, make_sound
+from cuecast.live.aligner import Aligner
 from cuecast.live.frames import FrameCutter, framed
-from cuecast.live.multiplex import Aligner, Multiplex
+from cuecast.live.multiplex import Multiplex
 from cuecast.live.options import LiveOptions, MarkedPes
 from cuecast.live.packets import (
     PERIOD,
