@@ -32,11 +32,12 @@ def outer(n):
 """
 
 PROGRAM = """
-import sys, kernels
+import gc, sys, kernels
 from codec.compiled import Settings
-heard = []
+heard, before = [], gc.get_threshold()
 Settings.listener = heard.append
 print(kernels.outer(10), heard, Settings.count)
+assert gc.get_threshold() == before
 """
 
 
@@ -54,6 +55,7 @@ def test_one_process_compiles_and_the_next_loads(tmp_path: Path) -> None:
     (tmp_path / "kernels.py").write_text(KERNELS)
     both = [start(tmp_path), start(tmp_path)]
     found = sorted((one.communicate()[0].strip() for one in both), key=len)
+    assert [one.returncode for one in both] == [0, 0]
     assert all(line.startswith("285 ") for line in found)
     compiled = sum(int(line.split()[-1]) for line in found)
     assert compiled == 2, found
