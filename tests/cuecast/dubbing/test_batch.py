@@ -31,7 +31,7 @@ from cuecast.verbs.batch import _dubbing_options
 from tests.cuecast.dubbing.deadly import deadly
 
 ROOT = Path(__file__).resolve().parents[3]
-FAST = ("--no-grade", "--no-read-back")
+FAST = ("--no-grade", "--no-read-back", "--through", "none")
 MANY = 3
 
 pytestmark = pytest.mark.long(28)
