@@ -1,7 +1,7 @@
 """The keys that a hand shows, without a transcript.
 
 A line of keys is laid through the frames; this cuer's shapes and placements are
-learnt, and the line laid again.
+learnt, and the line laid again. Where the first line is surer, it stays.
 """
 
 from collections.abc import Iterator
@@ -19,6 +19,11 @@ FloatArray = NDArray[np.float64]
 
 _ROUNDS = 3
 """Rounds of learning looks from the keys and recognising keys by the looks."""
+
+_SURER = 0.2
+"""By how many keys more, right less wrong in expectation, the reading before learning must win a
+stretch. Of 190 takes (64 of a real cuer, 126 of constructed ones; 78 served no other choice) 15
+lost 17 keys by learning and 172 were won; so 10 lose one each and 165 are won."""
 
 _ARRIVED = 1.0 / 7.0
 """Part of its greatest speed at which a movement has ended; the movement that the analysis of real
@@ -105,8 +110,34 @@ def recognise_keys(
     # Looks by which the take is less likely than before are not hers.
     if sum(line.value for line in lines) < sum(line.value for line in plain):
         now, lines, shown = before, plain, NOTHING_SHOWN
-    runs = [run for line in lines for run in line.runs()]
+    runs = _surer(*([run for line in some for run in line.runs()] for some in (plain, lines)))
     return Recognised(tuple(_held(seen, _stayed(runs, READ_HZ))), now, shown)
+
+
+def _surer(plain: list[KeyRun], learnt: list[KeyRun]) -> list[KeyRun]:
+    """Return the keys by learnt looks, stretch by stretch unless those before are surer.
+
+    A stretch lies between two keys that both readings have at the same time.
+    """
+    runs, first, other = list[KeyRun](), 0, 0
+    for number, run in enumerate(learnt):
+        same = (k for k, one in enumerate(plain[other:], start=other) if _is_same(one, run))
+        if (at := next(same, None)) is not None:
+            runs += [*_better(plain[other:at], learnt[first:number]), run]
+            first, other = number + 1, at + 1
+    return runs + _better(plain[other:], learnt[first:])
+
+
+def _is_same(one: KeyRun, other: KeyRun) -> bool:
+    """Whether two runs overlap and hold one key."""
+    return one.state == other.state and max(one.begin, other.begin) < min(one.end, other.end)
+
+
+def _better(plain: list[KeyRun], learnt: list[KeyRun]) -> list[KeyRun]:
+    def balance(runs: list[KeyRun]) -> float:
+        return sum(2.0 * run.probability - 1.0 for run in runs if run.state)
+
+    return plain if balance(plain) > balance(learnt) + _SURER else learnt
 
 
 def _held(seen: HandFeatures, runs: list[KeyRun]) -> Iterator[HeldKey]:

@@ -10,7 +10,8 @@ from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import SHAPES
 from synth.capture.cues.appearance import KEYS, looks_of
 from synth.capture.cues.features import see_motion
-from synth.capture.cues.recognise import HeldKey, arrival, recognise_keys
+from synth.capture.cues.line import KeyRun
+from synth.capture.cues.recognise import HeldKey, _surer, arrival, recognise_keys
 from synth.capture.cues.score import is_sure, score_of
 from synth.capture.points.solve import resting
 from synth.capture.points.speaker import Speaker
@@ -55,6 +56,19 @@ def test_keys_are_as_sure_at_any_frame_rate() -> None:
         sure.append(np.mean([one.confidence for one in held.held if one.shape]))
     assert len(set(counts)) == 1
     assert max(sure) - min(sure) < 0.05
+
+
+def test_learnt_looks_lose_no_stretch_that_was_surer_without_them() -> None:
+    rest, first, last = KeyRun(0, 0, 9, 1.0), KeyRun(5, 10, 20, 0.9), KeyRun(7, 50, 60, 0.9)
+    sure, unsure = KeyRun(3, 25, 40, 0.8), KeyRun(4, 25, 40, 0.4)
+    plain, learnt = [rest, first, sure, last], [rest, first, unsure, last]
+    assert _surer(plain, learnt) == plain
+    assert _surer(learnt, plain) == plain
+    assert _surer([rest, first, KeyRun(3, 25, 40, 0.45), last], learnt) == learnt  # as good as even
+    # Keys that are likelier wrong than right are no gain, nor is a key at another time.
+    assert _surer([rest, first, unsure, last], [rest, first, last]) == [rest, first, last]
+    assert _surer([rest, KeyRun(5, 30, 35, 0.9)], [rest, first]) == [rest, first]
+    assert _surer([], learnt) == learnt
 
 
 def told(params: np.ndarray) -> tuple[HeldKey, ...]:
