@@ -39,6 +39,8 @@ def steer(
     best[min(max(error, -reach), reach) + reach] = 0.0
     came = np.zeros((n, size), dtype=np.int64)
     what = np.zeros((n, size), dtype=np.int64)
+    # best[k + 1, e'] = min over the error e before and the correction c of
+    #     best[k, e] + bits(c) + weight e'^2 + limit max(|e'| - STEADY, 0)
     for k in range(n):
         following = np.full(size, np.inf)
         for e in range(size):

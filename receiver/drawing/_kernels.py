@@ -59,6 +59,8 @@ def draw_triangles(
     owners, members = np.empty(4 * width, np.int32), np.empty(4 * width, np.int32)
     places, lit = np.empty((2, 4 * width), np.float32), np.empty((9, 4 * width), np.float32)
     corners, reach = np.empty((3, 9), np.float32), shadow_reach(shadow)
+    # In bands of rows: depths of the opaque triangles; light for what is seen of them; then the
+    # transparent ones in front of that, in their order.
     for top in range(0, height, BAND):
         first, middle, end = starts[2 * (top // BAND) :][:3]
         if first == end:

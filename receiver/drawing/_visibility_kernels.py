@@ -106,6 +106,8 @@ def see(
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     across = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) / area
     down = ((cz - az) * (bx - ax) - (bz - az) * (cx - ax)) / area
+    # Edge functions a x + b y + c (Pineda 1988), not negative inside: each bounds a line of samples
+    # at the left or at the right.
     l0, m0, r0, s0 = _sides(a0, b0, c0)
     l1, m1, r1, s1 = _sides(a1, b1, c1)
     l2, m2, r2, s2 = _sides(a2, b2, c2)
@@ -174,6 +176,7 @@ def find(
         f, g, h, e = seen[0, x], seen[1, x], seen[2, x], seen[3, x]
         if f < 0 and g < 0 and h < 0 and e < 0:
             continue
+        # One surface in all four samples: lit once, at the pixel's middle.
         if (f == g and f == h and f == e) or (
             min(min(f, g), min(h, e)) >= 0
             and (g == f or _touch(triangles, f, g))

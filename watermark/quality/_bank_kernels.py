@@ -104,6 +104,8 @@ def bank_frames_into(
                 )
             for b in range(n):
                 total = noise[b]
+                # Backward masking by weights over the last samples, forward masking by a decay in
+                # each band.
                 for q in range(width):
                     total += backward[q] * history[s, q, b]
                 fresh[s, b] = total

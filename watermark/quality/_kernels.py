@@ -135,11 +135,13 @@ def adapt_into(
             state[LEVEL + s, b] = a * state[LEVEL + s, b] + (1.0 - a) * excitation[s, b]
         cross += math.sqrt(state[LEVEL, b] * state[LEVEL + 1, b])
         power += state[LEVEL + 1, b]
+    # Level: L = (sum of sqrt(ref * test) / sum of test)^2; the louder one of both is lowered.
     level = (cross / power) ** 2
     ratio = np.empty((2, n))
     for b in range(n):
         out[0, b] = excitation[0, b] / level if level > 1.0 else excitation[0, b]
         out[1, b] = excitation[1, b] if level > 1.0 else excitation[1, b] * level
+        # Pattern: <test, ref> / <ref, ref> by running sums, at most 1 for either signal.
         state[RATIO, b] = decay[b] * state[RATIO, b] + out[0, b] * out[1, b]
         state[RATIO + 1, b] = decay[b] * state[RATIO + 1, b] + out[0, b] * out[0, b]
         r = state[RATIO, b] / state[RATIO + 1, b]
@@ -320,6 +322,8 @@ def frames_into(
     quiet_into(noise, 100.0, quiet)
     loudness_scale_into(bands[6], bands[7], 1.07664, scale)
     for t in range(power.shape[1]):
+        # Outer ear, grouping into bands, internal noise, spreading over bands, smearing over time
+        # (BS.1387, the model with the Fourier transform).
         for s in range(2):
             for k in range(bins):
                 weighted[s, k] = outer_ear[k] * power[s, t, k]
@@ -412,6 +416,7 @@ def count_frame(
             sums[WINDOW + WINDOW_FRAMES - 1, c] = math.sqrt(x[MOD_1])
             mean = (mean + math.sqrt(x[MOD_1])) / WINDOW_FRAMES
             if not math.isnan(mean):
+                # Fourth power of the mean root over a window of frames.
                 sums[WINDOWED, c] += mean**4
                 sums[WINDOWED + 1, c] += 1.0
         if settled and audible:

@@ -249,6 +249,8 @@ def pilot_values_into(
     factors = np.empty((2, 64))
     cell = (width / columns, height / rows)
     origin = (left, top)
+    # Amplitude = <pattern, picture> / <pattern, pattern>. The pattern is separable: a turn of a
+    # sine without its mean along one axis, sin^2 along the other.
     for p in range(pilots.shape[0]):
         norm = 1.0
         start = (0, 0)

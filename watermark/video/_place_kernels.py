@@ -246,6 +246,7 @@ def place_scores_into(
             continue
         places_across = range(begin, min(begin + 8, across.shape[0]), 2)
         sums[:] = 0
+        # Four places across share a word of 64 bits; `shift` leads to a place's 16 of them.
         for x in places_across:
             shift = np.uint64(8 * (x - begin))
             p = 0

@@ -171,6 +171,8 @@ def expect_into(
             if weight == 0.0:
                 continue
             if last < 0 or (known[t] != known[last]).any():
+                # Gaussian with precision P: hidden = mean - P_hh^-1 P_hk (known - mean), by a
+                # Cholesky factor of P_hh, which serves all frames with the same markers known.
                 count = _factorise(precision, known[t], hidden, factor)
                 for s in range(size):
                     for i in range(count):

@@ -30,6 +30,8 @@ def likeliest(hold, shapes, places, shape_of, end_of, enter, edge, states):  # t
         if b > 0:
             way = shapes[0, 0, shape_of[b]] + places[0, end_of[0], end_of[b]]
             moving[0, b] = way + enter[0, b]
+    # held[t, b] = hold[t, b] + max(held[t - 1, b], max over a of moving[t - 1, a, b])
+    # moving[t, a, b] = way[t, a, b] + max(moving[t - 1, a, b], held[t - 1, a] + enter[a, b])
     for t in range(1, n):
         for b in range(k):
             held[t, b] = held[t - 1, b]
@@ -57,6 +59,7 @@ def likeliest(hold, shapes, places, shape_of, end_of, enter, edge, states):  # t
             best, at, source = held[n - 1, b] + edge, b, -1
         if moving[b, 0] > best:
             best, at, source = moving[b, 0], 0, b
+    # Back from the best end: `source` is the key that a way comes from, -1 while a key is held.
     states[:] = -1
     t = n - 1
     while t >= 0:

@@ -35,6 +35,7 @@ def voicing_path(
             if t == 0:
                 score[t, j] = own
                 continue
+            # score[t, j] = own[t, j] + max over i of (score[t - 1, i] - cost of going from i to j)
             best = -np.inf
             for i in range(states):
                 if score[t - 1, i] == -np.inf:
@@ -150,5 +151,6 @@ def overlap_add(
                 come = middle + turn * side * d
                 if to < 0 or to >= y.size or come < 0 or come >= x.size:
                     break
+                # Half a Hann window to the next mark on either side: neighbours add up to 1.
                 weight = 0.5 + 0.5 * math.cos(math.pi * d / reach) if fades else 1.0
                 y[to] += gain[k] * weight * x[come]
