@@ -1,4 +1,7 @@
-"""How well our speech is understood, by a recogniser that nobody here has made or taught.
+"""How well our speech is understood, by two recognisers.
+
+Whisper base, which nobody here has made or taught, gives words; a phone recogniser of another
+family (`cuecast.evaluate.phone_listener`) gives phones, without any words to guess from.
 
 Material (``--clips``): a folder of recorded sounds with transcripts, as `cuecast voice build` reads
 them; without, two hundred sentences of today. Each text is heard in several voices
@@ -25,6 +28,7 @@ from cuecast.dubbing.performance import unit_synthesiser
 from cuecast.evaluate.listener import FS, Listener, french_listener
 from cuecast.evaluate.naturalness import NaturalnessTally
 from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.phone_listener import PhoneListener, second_listener
 from synth.language.text.normalise import PAUSES, normalise
 from synth.language.text.pronounce import phonemise
 from synth.motion.rules.gesture import GestureSynthesiser
@@ -58,7 +62,7 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
     Raises
     ------
     CueError
-        If the recogniser is not installed, a voice is unknown, or one asks for recordings and there
+        If a recogniser is not installed, a voice is unknown, or one asks for recordings and there
         are none.
     """
     usual = VOICES if options.clips is not None else VOICES[2:]
@@ -68,14 +72,14 @@ def evaluate(options: EvaluateOptions) -> list[Row]:
             raise CueError(f"unknown voice {voice!r}; known: {', '.join(VOICES)}")
         if voice not in usual:
             raise CueError(f"voice {voice!r} needs recordings with transcripts (--clips)")
-    listener = french_listener(options.folder)
+    listeners = french_listener(options.folder), second_listener()
     said, kept = _material(options)
     rows = []
     for voice in wanted:
         options.say(f"listening to {len(said)} sentences: {voice}")
         tally = NaturalnessTally()
         speech = _speech(voice, kept, tally)
-        row = _judged(voice, said, speech, listener)
+        row = _judged(voice, said, speech, *listeners)
         rows.append(row | (tally.row() if voice in _OURS else {}))
     return rows
 
@@ -142,8 +146,9 @@ def _judged(
     said: Sequence[SpokenFile | str],
     speech: Callable[[SpokenFile | str], Sound],
     listener: Listener,
+    second: PhoneListener,
 ) -> Row:
-    words, phones = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    words, phones, again = (np.zeros(2, np.int64) for _ in range(3))
     right, length_s = 0, 0.0
     for item in said:
         sound = speech(item)
@@ -152,6 +157,7 @@ def _judged(
         words += errors(_words(text), _words(heard))
         wrong = errors(_phones(text), _phones(heard))
         phones += wrong
+        again += errors(_phones(text), second(sound))
         right += int(wrong[0] == 0)
         length_s += len(sound) / FS
     return {
@@ -162,6 +168,7 @@ def _judged(
         "word_error": round(float(words[0] / max(words[1], 1)), 4),
         "phones": int(phones[1]),
         "phone_error": round(float(phones[0] / max(phones[1], 1)), 4),
+        "second_phone_error": round(float(again[0] / max(again[1], 1)), 4),
         "sentences_right": right,
     }
 
@@ -203,9 +210,10 @@ def plot(results: list[Row], figure: Any) -> None:
     """Draw the share of words and phones that were not understood, by voice."""
     axes = figure.subplots()
     place = np.arange(len(results))
-    for shift, kind in ((-0.2, "word"), (0.2, "phone")):
-        values = [row[f"{kind}_error"] for row in results]
-        axes.bar(place + shift, values, width=0.4, label=f"{kind}s")
+    bars = {"words": "word_error", "phones": "phone_error", "second ear": "second_phone_error"}
+    for shift, (label, key) in enumerate(bars.items(), -1):
+        values = [row.get(key, 0.0) for row in results]
+        axes.bar(place + 0.27 * shift, values, width=0.27, label=label)
     axes.set_xticks(place, [row["voice"] for row in results])
     axes.set_ylabel("share not understood")
     axes.legend()
