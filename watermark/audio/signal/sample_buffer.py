@@ -83,10 +83,10 @@ class SampleBuffer:
     def append(self, block: NDArray[np.float64]) -> None:
         """Add samples at the end."""
         if self.end - self._offset + block.size > self._store.size:
-            kept, size = self.samples, 2 * (self.end - self.first + block.size)
-            # Twice what is needed: a long tape is not copied for each short block. New memory costs
-            # more than copying.
-            store = self._store if size <= self._store.size else np.empty(size)
+            kept, size = self.samples, self.end - self.first + block.size
+            # A quarter more than is needed: a long tape is not copied for each short block. New
+            # memory costs more than copying, so the present store serves while an eighth is free.
+            store = self._store if 9 * size <= 8 * self._store.size else np.empty(5 * size // 4)
             store[: kept.size] = kept
             self._store, self._offset = store, self.first
         begin = self.end - self._offset
