@@ -8,7 +8,7 @@ import pytest
 
 from codec.errors import CueError
 from cuecast.command.cli import main
-from cuecast.conformance.examine import examine
+from cuecast.conformance.examine import VECTORS, examine
 from cuecast.conformance.own import BUILT_IN
 from cuecast.conformance.program import Program
 
@@ -39,17 +39,31 @@ def test_plain_decoder_passes() -> None:
     assert examine(BUILT_IN["reference"]).failed == ()
 
 
+def thinned(folder: Path) -> str:
+    """Write every fourth vector, and those that are looked at; all of them are passed above."""
+    for name in ("superframe", "stream", "reception", "authentication", "hearing"):
+        document = json.loads((VECTORS / f"{name}.json").read_text(encoding="utf-8"))
+        document["cases"] = [
+            case
+            for number, case in enumerate(document["cases"])
+            if number % 4 == 0 or case["id"] in ("wrong-check", "lost-0")
+        ]
+        (folder / f"{name}.json").write_text(json.dumps(document), encoding="utf-8")
+    return str(folder)
+
+
 def test_a_wrong_decoder_is_told_which_paragraph(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
-    assert main(["conform", "--json", sys.executable, str(tmp_path / "wrong.py")]) == 1
+    argv = ["conform", "--json", "--vectors", thinned(tmp_path), sys.executable]
+    assert main([*argv, str(tmp_path / "wrong.py")]) == 1
     report = json.loads(capsys.readouterr().out)
     assert report["classes"] == ["files"]
     sections = {one["case"]: one["detail"] for one in report["failed"]}
     assert sections["wrong-check"] == "refused by H1, it violates H6"
     assert "keys of superframe" in sections["lost-0"]
-    assert report["groups"]["superframes: coefficients"]["passed"] > 100
+    assert report["groups"]["superframes: coefficients"]["passed"] > 25
 
 
 @pytest.mark.parametrize(
