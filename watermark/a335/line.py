@@ -161,30 +161,6 @@ def _edges(width: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return edge.astype(np.int64), edge % 1
 
 
-def read_line(line: ArrayLike, *, depth: int = 8) -> tuple[LineSystem, bytes] | None:
-    """Look for a marked line.
-
-    Parameters
-    ----------
-    line : array_like, shape (width,)
-        Luma of one line, or the mean of several.
-    depth : int
-        Bits per sample.
-
-    Returns
-    -------
-    (LineSystem, bytes) or None
-        The system and the payload with its run-in; None where there is no run-in.
-
-    Examples
-    --------
-    >>> system, payload = read_line(line_values(RUN_IN + b"mark", 1920))
-    >>> system.name, payload[2:6]
-    ('1X', b'mark')
-    """
-    return next(line_candidates(line, depth=depth, doubtful=0), None)
-
-
 def line_candidates(
     line: ArrayLike, *, depth: int = 8, doubtful: int = 8
 ) -> Iterator[tuple[LineSystem, bytes]]:
@@ -196,15 +172,23 @@ def line_candidates(
 
     Parameters
     ----------
-    line, depth
-        As for `read_line`.
+    line : array_like, shape (width,)
+        Luma of one line, or the mean of several.
+    depth : int
+        Bits per sample.
     doubtful : int
         Number of symbols that may be changed.
 
     Yields
     ------
     (LineSystem, bytes)
-        Only readings that start with the run-in.
+        The system and the payload with its run-in; only readings that start with that.
+
+    Examples
+    --------
+    >>> system, payload = next(line_candidates(line_values(RUN_IN + b"mark", 1920)))
+    >>> system.name, payload[2:6]
+    ('1X', b'mark')
     """
     luma = np.asarray(line)
     if luma.size < MIN_WIDTH:

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec.errors import CueError
+from tests.watermark.a335.assembling import MessageAssembler
 from tests.watermark.lines import grey, one, source, vectors
 from watermark.a335 import bch
 from watermark.a335.carrier import A335Embedder, A335Receiver, frame_rate, is_foreign, read_blocks
 from watermark.a335.erasure import decode_parts, encode_part
 from watermark.a335.framing import join_long, long_blocks, long_grid, pack_block
 from watermark.a335.line import SYSTEM_1X, line_values
-from watermark.a335.messages import USER_PRIVATE_LONG, MessageAssembler, parse_private
+from watermark.a335.messages import USER_PRIVATE_LONG, parse_private
 from watermark.a335.profile import DOMAIN, PROFILES
 
 # --- codes ---
