@@ -19,6 +19,7 @@ from cuecast.dubbing.denoiser import Denoiser
 from receiver.media.picture import luma_of
 from watermark.video.codec_loop import TriedChannel
 from watermark.video.coder_trial import PictureCoder
+from watermark.video.design import has_small_cells
 
 USUAL_BITS_PER_PIXEL = 2_000_000 / (1280 * 720 * 25)
 """Rate of the coder without a choice: that of a frugal broadcast, 2 Mbit/s at 720 lines."""
@@ -163,7 +164,8 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
-        `USUAL_BITS_PER_PIXEL`, without the widest step.
+        `USUAL_BITS_PER_PIXEL`, without the widest step, and in small pictures with no strength
+        below that of ``none``: MPEG-2 leaves less of them.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -196,5 +198,6 @@ def picture_channels(
                 streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
         whole = CLEANER not in names and names == words
         widest = 1 if through is None else 2
-        channels.append(TriedChannel(_PictureChain(streams), whole, widest))
+        firm = through is None and has_small_cells((height, width))
+        channels.append(TriedChannel(_PictureChain(streams), whole, widest, firm))
     return channels

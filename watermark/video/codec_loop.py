@@ -70,6 +70,9 @@ class TriedChannel:
         Whether both classes have to arrive, or L0 alone.
     widest : int
         Number of the widest step that may be taken for its sake: wide ones can be seen.
+    firm : bool
+        Whether no strength below that without a trial is taken: for a coder that stands for
+        unknown ones, which may leave less.
 
     Examples
     --------
@@ -86,6 +89,7 @@ class TriedChannel:
     coder: PictureCoder
     whole: bool = True
     widest: int = len(STEPS) - 1
+    firm: bool = False
 
 
 class PictureLoop:
@@ -173,7 +177,8 @@ class PictureLoop:
             if finding is None:
                 return fixed
             costs = self._costs(finding)
-            enough &= self._enough(finding, channel, place, costs >= costs[STRENGTHS.index(fixed)])
+            strong = costs >= costs[STRENGTHS.index(fixed)]
+            enough &= self._enough(finding, channel, place, strong) & (strong | (not channel.firm))
         return STRENGTHS[int(np.where(enough, costs, np.inf).argmin()) if enough.any() else -1]
 
     def _costs(self, finding: TrialFinding) -> FloatArray:

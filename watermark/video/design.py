@@ -50,8 +50,12 @@ def fixed_strength(place: int, shape: tuple[int, int]) -> Strength:
     >>> fixed_strength(0, (720, 1280)).rung, fixed_strength(5, (720, 1280)).rung
     (1, 0)
     """
-    small = shape[0] * shape[1] < SMALL_CELL * ROWS * COLUMNS
-    return Strength(min(int(small) + int(place == 0), len(STEPS) - 1))
+    return Strength(min(int(has_small_cells(shape)) + int(place == 0), len(STEPS) - 1))
+
+
+def has_small_cells(shape: tuple[int, int]) -> bool:
+    """Whether the cells of a picture of this height and width have less than `SMALL_CELL`."""
+    return shape[0] * shape[1] < SMALL_CELL * ROWS * COLUMNS
 
 
 @dataclass(frozen=True, slots=True)

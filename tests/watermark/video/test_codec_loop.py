@@ -78,6 +78,13 @@ def test_weak_mark_where_little_is_asked() -> None:
     assert len(weak) == len(plain)
 
 
+def test_firm_mark_is_no_weaker_than_without_a_trial() -> None:
+    _, plain = fixed()
+    _, report = marked_for(TriedChannel(Spoiler(0.0), firm=True))
+    assert report.psnr_db == pytest.approx(plain.psnr_db, abs=0.1)
+    assert report.steps == plain.steps
+
+
 def test_strong_mark_where_much_is_asked() -> None:
     deviation = 0.7
     plain, _ = fixed()
