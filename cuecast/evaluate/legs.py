@@ -74,7 +74,7 @@ _SECOND_TAKES = 16
 _IDLE_SHARE = 0.47
 """Share of a take of the second cuer in which she does not cue, half of it before the first key.
 Real takes are idle for .42 to .53 of their time. Without it her takes cost 141 bits per key at
-4 mm, with it 184 (real ones 198 to 228): a hand that comes up, goes down and rests is coded too."""
+4 mm, with it 180 (real ones 198 to 228): a hand that comes up, goes down and rests is coded too."""
 
 _WORSE = 1.01
 """Least ratio of a take that counts as worse with its score than without."""
