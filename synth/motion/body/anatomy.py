@@ -101,7 +101,7 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
             scale=0.96, hand_length_mm=176.0, palm=0.92, girth=0.97, upper_arm_mm=285.0,
             face=(0.97, 1.0, 1.0),
         ),
-        Habits(placement_shift_mm={"throat": (2.4, 0.0, 0.0)}),
+        Habits(),
     ),
     "agathe": (
         Anatomy(
@@ -139,8 +139,7 @@ IDENTITIES: dict[str, tuple[Anatomy, Habits]] = {
 }  # fmt: skip
 """A still speaker; one with longer hands, flatter hand and livelier head; and one whose fingers are
 long near the palm and who scatters as real cuers do (the movement of `synth.motion.measured`). The
-third one's mouth and chin are 32 mm apart in height, like those of real cuers. The first one's hand
-arrives at the throat some mm outside of its target, which is moved inwards for that."""
+third one's mouth and chin are 32 mm apart in height, like those of real cuers."""
 
 
 BY_RULE = ("claire", "agathe")
