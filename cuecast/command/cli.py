@@ -99,9 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         words = _present(sys.argv[1:] if argv is None else argv)
         # The modules of all verbs take as long to import as numpy.
-        args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(
-            words
-        )
+        verbs = (words[0],) if words[:1] and words[0] in VERBS else VERBS
+        args = build_parser(verbs).parse_args(words)
     except SystemExit as stop:  # argparse has printed its page or its complaint
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
     try:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from codec.cuer.motion import Motion, sample_params
 from receiver.drawing.avatar import Avatar, Surface, vertex_normals
-from receiver.drawing.movement import express
+from receiver.drawing.movement import RULES, express
 from receiver.drawing.skeleton import Skeleton, gaze_in_head, solve
 
 _HEAD, _HAND, _FIRST_JOINT = 1, 2, 3
@@ -254,9 +254,17 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
         (_FIRST_JOINT + k, pose.head * np.repeat([turn, shift], 3), voice.face.pivot)
         for k, (turn, shift) in enumerate(zip(_SHARES, shifts, strict=True))
     ]
+    side, _, front = added.trunk.T / RULES["lean_mm"]
+    turned = Rotation.from_rotvec(np.stack([front, np.zeros_like(front), -side], axis=1))
+
+    def leant(places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return places of the upright figure, shape (T, 3), where they are as it leans."""
+        head = voice.face.pivot
+        return np.asarray(turned.apply(places - head) + head + added.trunk)
+
     for node, moved, pivot in (*carried, (_HAND, pose.hand, voice.hand.pivot)):
-        animate(node, "rotation", Rotation.from_rotvec(moved[:, :3]).as_quat())
-        animate(node, "translation", moved[:, 3:] + pivot + added.trunk)
+        animate(node, "rotation", (turned * Rotation.from_rotvec(moved[:, :3])).as_quat())
+        animate(node, "translation", leant(moved[:, 3:] + pivot))
     starts, axes = _bones(avatar.skeleton)
     first_bone = _FIRST_JOINT + len(_SHARES)
     for k, (start, frame) in enumerate(zip(starts, axes, strict=True)):
@@ -265,12 +273,10 @@ def glb(motion: Motion, avatar: Avatar) -> bytes:
         # axes.
         linear = maps[:, :, :3] @ frame
         stretch = np.linalg.norm(linear, axis=1)
-        animate(
-            first_bone + k, "rotation", Rotation.from_matrix(linear / stretch[:, None]).as_quat()
-        )
+        upright = Rotation.from_matrix(linear / stretch[:, None])
+        animate(first_bone + k, "rotation", (turned * upright).as_quat())
         animate(first_bone + k, "scale", stretch)
-        place = maps[:, :, :3] @ start + maps[:, :, 3] + added.trunk
-        animate(first_bone + k, "translation", place)
+        animate(first_bone + k, "translation", leant(maps[:, :, :3] @ start + maps[:, :, 3]))
     animate(_HEAD, "weights", head_weights)
     animate(_HAND, "weights", hand_weights)
     bind = np.tile(np.eye(4), (len(_SHARES) + len(starts), 1, 1))

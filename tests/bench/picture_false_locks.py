@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receiver.media.picture import read_lumas
 from watermark.link.link import Link
@@ -64,7 +65,8 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
     turn = rng.choice([1, -1], size=2)
     down = source_taps(HEIGHT, rows, float(top), float(height))
     across = source_taps(WIDTH, columns, float(left), float(width))
-    place, speed, shown = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0]), []
+    place, speed = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0])
+    shown: list[NDArray[np.uint8]] = []
     for n in range(SCENE):
         if n and not speed:
             shown.append(shown[0])

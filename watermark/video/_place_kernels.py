@@ -25,7 +25,7 @@ def even_lines(picture: PixelArray, axis: int, back: bool, even: float, same: fl
     that no such line has; same : difference between its mean and that of the outermost line that no
     such line has.
     """
-    count, length = picture.shape[axis], picture.shape[1 - axis]
+    count, length = int(picture.shape[axis]), int(picture.shape[1 - axis])
     outermost = 0.0
     for n in range(count):
         line = count - 1 - n if back else n
