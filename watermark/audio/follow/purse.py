@@ -17,7 +17,7 @@ EARNED = 50.0
 SAVED = 120.0
 """Units that may be saved, and owed: with those of a second, less than a fifth of a core."""
 
-YOUNG_S, AT_FIRST = 8.0, 1.8
+YOUNG_S, AT_FIRST = 8.0, 1.6
 """Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
 
 SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 4.5, 2.2, 6.0, 1.5
