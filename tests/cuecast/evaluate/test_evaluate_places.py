@@ -30,9 +30,10 @@ def test_virtual_cuers_point_where_real_ones_do(cuer: str, monkeypatch: pytest.M
     monkeypatch.setattr(places, "_PASSED_IN", 0)
     rows = places.evaluate(options(None, cuer))
     assert [row["placement"] for row in rows] == list(REAL_MM)
-    assert all(row["from_real_mm"] <= 11.0 for row in rows), (
-        rows
-    )  # asked: 10.0; claire at the throat 10.7
+    # 10 mm are asked; claire's throat is 10.7, where the gesture table of the format has it.
+    wide = "claire/minimum-jerk", "throat"
+    for row in rows:
+        assert row["from_real_mm"] <= (11.0 if (row["cuer"], row["placement"]) == wide else 10.0)
 
 
 def test_a_short_programme_passes_no_third_placement(monkeypatch: pytest.MonkeyPatch) -> None:

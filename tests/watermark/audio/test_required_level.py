@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from tests.watermark.cells import project
 from watermark.audio.embed.design import MarkDesigner
 from watermark.audio.embed.level_control import LevelControl
 from watermark.audio.signal._kernels import change_cells
-from watermark.audio.signal.dither import mark_change, project
+from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import make_layout
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of

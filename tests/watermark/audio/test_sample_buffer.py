@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from codec.errors import CueError
 from tests.watermark.audio.test_carrier import embed, host
+from tests.watermark.cells import project
 from watermark.audio.follow import _kernels as _follow_kernels
 from watermark.audio.follow.smoothing import smooth
 from watermark.audio.search import _pilot_kernels, _search_kernels, _soft_kernels
@@ -24,7 +25,7 @@ from watermark.audio.search.pilot_scan import (
 from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.search.stretch_scores import search_stretch
 from watermark.audio.signal import _kernels
-from watermark.audio.signal.dither import project, soft_values
+from watermark.audio.signal.dither import soft_values
 from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.watermark.audio.test_carrier import embed, host, payload
+from tests.watermark.cells import project
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.follow.purse import AT_FIRST, EARNED, SAVED
@@ -14,7 +15,6 @@ from watermark.audio.follow.stretched_path import Paths
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.sound_ring import Stretch
 from watermark.audio.search.stretched_search import find_stretched
-from watermark.audio.signal.dither import project
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse

@@ -88,7 +88,8 @@ def project_cells(
 ) -> None:
     """projections[t, g] = projection of cell g in frame t, 0 where a bin of it is silent.
 
-    See `watermark.audio.signal.dither.project`; cells begin at bin `first`.
+    It is the sum of sign * coefficient / unit over the cell's bins, by the root of their number.
+    Cells begin at bin `first`.
     """
     bins = signs.size // projections.shape[1]
     root = np.sqrt(bins)
