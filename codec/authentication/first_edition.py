@@ -55,10 +55,14 @@ def is_first_edition(arrived: Arrived, last: int, width: int) -> bool | None:
 def _agrees(arrived: Arrived, last: int, width: int) -> bool:
     """Return whether both tags of the block that ends at an index agree under one of its keys."""
     rules, number = _RULES[width], 0
+    # The block's number is the concatenation of its superframes' fields: part of a key that was
+    # sent, then the short tag, then the long one.
     for index in range(last - rules.block + 1, last + 1):
         number = number << width | (arrived[index].proof or (0, 0))[0]
     sent = (number & (1 << SENT_BITS) - 1).to_bytes(SENT_BITS // 8, "big")
     number >>= SENT_BITS
+    # The key's last bytes are never sent: try them all; each tag keeps the keys under which it
+    # agrees.
     keys = [sent + hidden for hidden in hidden_parts()]
     for bits, nearest, farthest in (rules.quick, rules.whole):
         digest = hashlib.sha256(b"cuecast-data-1")

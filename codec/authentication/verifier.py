@@ -154,6 +154,8 @@ class Verifier:
             self._received.by_index[index] = ArrivedSuperframe(covered, proof, utc_s)
             self._open.append(index)
             self._follow_width(proof)
+        # Locked: check blocks as they end. Otherwise look for where blocks begin, in this edition,
+        # then in the first one.
         if self._offset is not None:
             self._settle_until(index)
         if self._offset is None:

@@ -57,6 +57,7 @@ def write_c3d(
     c3d["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
     c3d["parameters"]["POINT"]["RATE"]["value"] = [rate_hz]
     c3d["parameters"]["POINT"]["LABELS"]["value"] = labels
+    # C3D stores homogeneous columns; a residual of -1 marks a point as not measured.
     homogeneous = np.ones((4, points.shape[1], len(points)))
     homogeneous[:3] = points.transpose(2, 1, 0)
     hidden = np.isnan(homogeneous[:3]).any(axis=0)

@@ -284,6 +284,7 @@ def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:
         found = str(arrays["format"]) if "format" in arrays else None
         if found != FORMAT:
             raise VoiceError(f"{path}: not a voice file: format is {found}, expected {FORMAT}")
+        # Arrays are named PART.FIELD after the dataclasses that hold them.
         parts: dict[str, Any] = {
             part: kind(**{item.name: arrays[f"{part}.{item.name}"] for item in fields(kind)})
             for part, kind in _PARTS.items()
@@ -300,6 +301,7 @@ def load_voice(path_or_name: str | os.PathLike[str] = "claire") -> Voice:
     except CueError as error:
         text = str(error)
         raise VoiceError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+    # The identity is a hash of the content: a file that was changed does not pass for another.
     if voice.identity != stated:
         raise VoiceError(f"{path}: content has identity {voice.identity}, the file says {stated}")
     return voice

@@ -177,6 +177,7 @@ def language_of(content: bytes, name: str) -> Language:
     """
     try:
         document = json.loads(content)
+        # What a language leaves out is as in French.
         told: dict[str, Any] = _FRENCH | document["language"]
         phones = tuple(map(str, told["phones"]))
         numbers = {symbol: number for number, symbol in enumerate(phones)} | {None: 0}

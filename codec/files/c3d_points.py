@@ -139,6 +139,8 @@ def _open(path: str | os.PathLike[str], size: int, header: bytes, section: bytes
     order, dec = _ORDERS[processor], processor == _DEC
     parameters = read_parameters(section, order, dec)
     point = parameters.get("POINT", {})
+    # Header words 2-5: points, analogue samples per frame, first and last frame; 9: the data's
+    # block. Rate and scale of the parameters are preferred: the header's are often stale.
     points, analogue, first, last = struct.unpack(f"{order}4H", header[2:10])
     data_start, _ = struct.unpack(f"{order}2H", header[16:20])
     scale, rate_hz = _float(header[12:16], order, dec), _float(header[20:24], order, dec)
@@ -151,6 +153,7 @@ def _open(path: str | os.PathLike[str], size: int, header: bytes, section: bytes
     if not np.isfinite(scale):
         raise CueError(f"{path}: damaged C3D file: scale {scale}")
     words = 4 * points + analogue
+    # A positive scale means integers to be multiplied by it, a negative one floating point numbers.
     kind = "i2" if scale > 0 else "u4" if dec else "f4"
     offset = (max(data_start, 1) - 1) * _BLOCK
     held = max(size - offset, 0) // (words * np.dtype(kind).itemsize)
@@ -226,6 +229,8 @@ def read_parameters(section: bytes, order: str, dec: bool) -> dict[str, Paramete
     found: list[tuple[int, str, Any]] = []
     at = 4
     while at + 2 < len(section):
+        # A group or a parameter: length of its name (negative: locked), number of the group
+        # (negative: this names the group), the name, and the distance to the next entry.
         length, group = struct.unpack("2b", section[at : at + 2])
         if length == 0 or group == 0:
             break

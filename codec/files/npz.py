@@ -121,6 +121,7 @@ def read_arrays(path: str | os.PathLike[str], *, max_bytes: int) -> dict[str, ND
             for member in archive.infolist():
                 if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise ValueError(f"array {member.filename} is packed in an unknown way")
+                # Check the declared size before unpacking: a small file may declare terabytes.
                 total += _declared_bytes(archive, member)
                 if total > max_bytes:
                     raise CueError(f"{path}: arrays take {total} bytes, more than {max_bytes}")

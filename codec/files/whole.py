@@ -47,6 +47,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise CueError(f"{path}: cannot write: {getattr(error, 'strerror', error)}") from error
     try:
         yield temporary
+        # New file, existing file (keep its permissions), or a device or pipe, which cannot be
+        # replaced.
         if mode is None:
             temporary.replace(target)
         elif stat.S_ISREG(mode):

@@ -96,6 +96,7 @@ def read_head(data: bytes) -> StreamHead:
         rule = f"version {VERSION} expected, {fields['version']} found"
         raise BitstreamError(rule, section="F3", bit=32, cause=_cause(fields, data))
     check = data[FILE_BYTES:HEAD_BYTES]
+    # Magic and version first: a checksum of a foreign file would explain nothing.
     own = crc16(data[:FILE_BYTES]).to_bytes(_CRC_BYTES, "big")
     if own != check:
         rule = f"checksum of the head: {own.hex()} expected, {check.hex()} found"

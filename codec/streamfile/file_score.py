@@ -325,6 +325,7 @@ def _keys_of(line: ScoreLine, options: CueingOptions) -> list[_Keyed] | None:
     rows: list[_Keyed] = []
     numbers, starts, language = line.numbers, line.starts, options.language
     k = 1
+    # A key is a silence, a vowel alone, or a consonant with the vowel after it, if there is one.
     while k < len(numbers):
         if numbers[k] == 0:
             rows.append(_Keyed(language.silence, (0,), starts[k]))
@@ -360,6 +361,8 @@ def _write_keyed(
     begin = TICKS * (indices.start - 1) - 1
     starts = [begin, *(row.start for row in rows), stop]
     _put_silence(encoder, starts[1] - begin)
+    # Per key: symbol, phones of its look-alikes, length, and where the consonant ends unless that
+    # follows the rule.
     for row, start, end in zip(rows, starts[1:-1], starts[2:], strict=True):
         encoder.put(row.symbol, tables.alone)
         if row.symbol == options.language.silence:

@@ -74,6 +74,8 @@ def inspect_stream(data: bytes, *, partial: bool = False) -> dict[str, Any]:
         learning = common.learning
         if common.line is not None:
             parts |= {k: part_of(common.line, k, common.options) for k in head.indices}
+        # Streams of constant size hold whole superframes, others records that share the common
+        # score.
         for frame in content.superframes:
             if head.l0:
                 row, part = _row(frame, head.coding)

@@ -206,6 +206,8 @@ def _constant(
             progress(SUPERFRAME_S)
         return write_head(replace(head, l0=size)) + bytes(body)
 
+    # A score takes bytes from the residual: with "auto" it is dropped where the error without it is
+    # smaller by more than MOST_COST. Compact files are made of the score and always keep it.
     kept = made(motion)
     if motion.score is None or score == "keep" or size <= MAX_BYTES:
         return ChosenStream(kept, motion.score is not None, None)

@@ -109,6 +109,7 @@ def _l0(l0: bytes) -> Iterator[Field]:
         at += width
     check = 0 if compact else 8 * CRC16_BYTES
     end = len(bits) - check - header.tail
+    # Symbols of a range coder have fractional sizes: their places are sums of information in bits.
     symbols, known = _symbols(l0, header)
     place = float(at)
     for symbol in symbols:

@@ -270,6 +270,7 @@ class SuperframeDecoder:
 
         The hand finishes its key and, if the loss lasts, goes to rest.
         """
+        # A score packet beside it says which keys to resynthesise.
         if any(isinstance(part, Window) for part in joined.parts.values()):
             return resynthesis_of(self._coding, joined, index).params()
         rest = resynthesis_of(self._coding, join({}), index).params()
@@ -279,11 +280,14 @@ class SuperframeDecoder:
         ]
         frames = np.arange(TICKS)
         distance = np.full(TICKS, 2 * TICKS)
+        # Frames to the nearest received superframe on either side decide how far she is towards
+        # rest.
         for found, place in zip(sides, (frames + 1, TICKS - frames), strict=True):
             for k in found:
                 distance = np.minimum(distance, TICKS * (abs(k - index) - 1) + place)
         mean = self._coding.mean
         resting = minimum_jerk((distance - TICKS) / TICKS)[:, None]
+        # Deviation from the mean at both borders, interpolated by the basis.
         before, after = (
             self._told(k, join(self._parts(k))) - mean if self._tells(k) else None
             for k in (index - 1, index + 1)

@@ -111,6 +111,7 @@ class SuperframeEncoder:
         self._filmed_encoder = FilmedEncoder(
             voice, self._coding, self._analysts[True], self._sizes, begin
         )
+        # Filmed motion needs room for its labels: in small superframes all counts as rule-based.
         few = l0_bytes < _FILMED_BYTES + SIGNED_BYTES * signed
         self._filmed = False if few or (filmed is None and not protected) else filmed
         self._decided: tuple[Motion, bool] | None = None

@@ -140,6 +140,7 @@ class FilmedEncoder:
             found = self._allocated(way)
             if found is not None and (best is None or found[0] < best[0]):
                 best = found
+        # Nothing fits with its coefficients: send labels alone.
         if best is None:
             way = ways[-1]
             own = dict(list(way.previews.items())[:1])

@@ -73,6 +73,8 @@ def fits(
         gaps = (likely - block) @ coding.residual.matrix
         return likely, np.einsum("ntc,ntc->n", gaps, gaps)
 
+    # First choose the trajectory profile without a shift, then the shift: all pairs would cost
+    # N_COURSES times as much.
     usual, energies = lacking([(c, 0) for c in range(N_COURSES)])
     energies[0] *= _USUAL
     course, shift = int(np.argmin(energies)), 0
@@ -81,6 +83,7 @@ def fits(
     if others.min() < energies[course]:
         shift = 1 + int(np.argmin(others))
         prediction = moved[shift - 1]
+    # Candidates: shares by part of the body, the whole prediction, none.
     tried = [_shares(block, prediction, coding, width_mm), WHOLE_USED, UNUSED]
     found = []
     for shares in dict.fromkeys(tried):

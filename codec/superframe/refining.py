@@ -125,6 +125,9 @@ class SeenError:
         self.lacking[REACH:-REACH] = own.meant
         self.metrics = np.zeros((len(self.map), size, size))
         self.metrics[REACH:-REACH] = own.metrics
+        # Beyond each border the decoder blends both sides' linear extrapolations (1.5 x_1 - 0.5
+        # x_2) over 2 REACH ticks: `map` has this superframe's part of the blend, `lacking` the
+        # neighbours'.
         sharing = np.concatenate([BLEND[::-1], -BLEND])
         if before is not None:
             border, left = slice(0, 2 * REACH), before.drawn
@@ -207,6 +210,7 @@ class _Descent:
         scales, width = raised(basis, setting), width_mm(setting.step)
         drawn = predicted + basis.backward(dequantise(q, setting, basis, tables))
         gap = self._error.lacking - self._error.map @ drawn
+        # Gradient of the squared error to the dequantised coefficients.
         slopes = np.einsum("tp,tpq->tq", gap, self._error.metrics) @ basis.inverse.T
         q, seen, weight = q.copy(), set[bytes](), WEIGHT * width * width
         for _ in range(_ROUNDS):
@@ -221,5 +225,7 @@ class _Descent:
             if told <= bits + _OVER_BITS and q.tobytes() not in seen:
                 seen.add(q.tobytes())
                 yield q.copy()
+            # The price of a bit rises while the coefficients are too long, and falls while there is
+            # room.
             turn = _TURN * (told - bits) / max(bits, 1.0)
             weight *= float(np.exp(np.clip(turn, -_MOST_TURN, _MOST_TURN)))

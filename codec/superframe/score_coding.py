@@ -113,6 +113,8 @@ def part_of(line: ScoreLine, index: int, options: CueingOptions = DEFAULT_OPTION
     i = line.first_after(begin)
     j = line.first_after(begin + TICKS)
     starts = [tick - begin for tick in line.starts[i:j]]
+    # The phone that began before is sent with its end; a last consonant with the vowel after it,
+    # because one key shows both.
     following = line.starts[i] - begin if i < len(line.starts) else TICKS
     ahead = 0
     language = options.language

@@ -140,6 +140,8 @@ def estimate_gestures(face: FaceModel, hand: HandModel, sets: list[TrainingSet])
     face_parameters = invert_face(face, markers[:, _FACE], seen[:, _FACE])
     hand_parameters = invert_hand(hand, markers[:, _HAND], seen[:, _HAND])
     head = face_parameters[:, N_FACE_PARAMETERS:]
+    # Places are learnt relative to a head at rest; only the hand's own rest does not follow the
+    # head.
     forearm = _at_resting_head(face, hand, head, hand_parameters[:, N_HAND_PARAMETERS:])
     forearm[placement == 0] = hand_parameters[placement == 0, N_HAND_PARAMETERS:]
     targets = single(

@@ -105,6 +105,8 @@ def _fit_throat(
     predictors (a rotation keeps distances), so only six weights are searched.
     """
     chosen = np.linspace(0, len(points) - 1, min(len(points), _THROAT_FRAMES)).astype(int)
+    # Variable projection: subtracting the projection on the predictors leaves the misfit of the
+    # best linear regression for these weights.
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(chosen)), scores[chosen]]))
 
     def misfit(weight: NDArray[np.float64], marker: int) -> NDArray[np.float64]:

@@ -170,10 +170,12 @@ def _regressed(
     n = angles.mean.size
     penalty = np.full(1 + 2 * n, _RIDGE)
     penalty[0] = 1e-12
+    # Tiny angles: cosines are constant, so only sines count.
     if np.abs(angles.directions).max() <= 10 * _LINEAR_ANGLE:
         design[:, 1 : 1 + n] = 0.0
         penalty[1 + n :] = 1e-12
     regression = np.empty((1 + 2 * n, layout.N_HAND, 3))
+    # Normal equations per marker: those of all frames less those of the frames that hide it.
     whole = design.T @ design
     for marker in range(layout.N_HAND):
         shown = seen[:, marker]

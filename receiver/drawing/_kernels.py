@@ -117,7 +117,9 @@ def mix(
 ) -> None:
     """Lay lit places over pixels (rows, width, 4) of a band, or over samples where they mix."""
     for i in range(n):
+        # A member packs row, column (12 bits) and which of the four samples it covers.
         row, x = members[i] >> 16, members[i] >> 4 & 4095
+        # One surface alone: its share of the pixel. Several: sample by sample, blended by alpha.
         if not mixed[row, x]:
             if members[i] & 15 == 15:
                 for k in range(3):

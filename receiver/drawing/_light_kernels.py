@@ -116,6 +116,8 @@ def _shade(
     for i in range(n):
         x, y, far = places[0, i], places[1, i], _ONE / lit[8, i]
         lit[8, i] = _ONE
+        # Perspective: places are in pixels, and depth is 1 / nearness; (u, v) in texels of the
+        # shadow map.
         u = (m00 * x + m01 * y + m02) * far + m03
         v = (m10 * x + m11 * y + m12) * far + m13
         if u < left or v < top or u >= right or v >= bottom or kinds[owners[i]] & CASTS:
@@ -123,6 +125,7 @@ def _shade(
         column, row = np.uint32(u), np.uint32(v)
         p, q = u - np.float32(column), v - np.float32(row)
         a, b, c, d = (_ONE - p) * (_ONE - q), p * (_ONE - q), (_ONE - p) * q, p * q
+        # Bilinear; channel 1 is depth times opacity, so their quotient is the depth of what casts.
         cover = a * shadow[row, column, 0] + b * shadow[row, column + 1, 0]
         cover += c * shadow[row + 1, column, 0] + d * shadow[row + 1, column + 1, 0]
         if cover < np.float32(0.004):
@@ -131,5 +134,6 @@ def _shade(
         depth += c * shadow[row + 1, column, 1] + d * shadow[row + 1, column + 1, 1]
         gap = to_light[2, 0] * x + to_light[2, 1] * y + to_light[2, 2]
         gap = depth / cover - gap * far - to_light[2, 3]
+        # No shadow of a surface on itself; the farther its caster, the weaker.
         contact = min(_ONE, max(_ZERO, gap / light[8, 1]))
         lit[8, i] -= light[8, 0] * cover * contact / (_ONE + max(_ZERO, gap) / light[8, 2])

@@ -36,6 +36,7 @@ def cast(points: FloatArray, triangles: IntArray, opacity: FloatArray, cover: Fl
         for row in range(bounds[f, 0], bounds[f, 1] + 1):
             for column in range(bounds[f, 2], bounds[f, 3] + 1):
                 x, y = column + 0.5, row + 0.5
+                # Edge functions: all positive inside, and in proportion to the corners' weights.
                 wc, wa = a0 * x + b0 * y + c0, a1 * x + b1 * y + c1
                 wb = a2 * x + b2 * y + c2
                 if wa < 0 or wb < 0 or wc < 0:
@@ -59,8 +60,10 @@ def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
             continue
         for column in range(width):
             line[2 * column] = cover[row, column, 0]
+            # Premultiplied: depth counts as much as its texel is opaque.
             line[2 * column + 1] = cover[row, column, 0] * cover[row, column, 1]
         found = across[row].reshape(2 * width)
+        # Separable: along the row, then added to the rows around.
         for k in range(len(weights)):
             for i in range(2 * reach, 2 * (width - reach)):
                 found[i] += weights[k] * line[i + 2 * (k - reach)]

@@ -260,6 +260,7 @@ def load_avatar(voice: Voice, look: str | None = None) -> Avatar:
         still = np.zeros((1, voice.hand.n_shape))
         hand = _surface(arrays, "hand", voice.hand.shape(still)[0])
         weights = arrays["head_weights"][head.sources] / 255
+        # The asset is in its own pose and place: fit head and hand to the voice's mean markers.
         turn, shift = _fit(arrays["head_markers"], voice.face.mean, "head")
         of_hand = _fit(arrays["hand_markers"], voice.hand.shape(still)[0], "hand")
         return Avatar(

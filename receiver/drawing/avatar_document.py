@@ -261,6 +261,7 @@ def _check(avatar: Avatar) -> None:
                 raise ValueError("numbers are not finite")
         if not len(surface.sources) == len(surface.colours) == len(surface.offsets):
             raise ValueError("arrays of one surface differ in length")
+    # Kernels index without checks, so every number is checked once here.
     for numbers, limit in limits:
         if numbers.size and numbers.max() >= limit:
             raise ValueError(f"vertex {numbers.max()} of {limit}")

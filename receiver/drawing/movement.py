@@ -275,6 +275,7 @@ def _face(
     """Return the weights of brows, lids and cheeks."""
     size, period, phase = RULES["knit_wave"]
     knit = np.maximum(size * np.sin(2 * np.pi * (t / period + phase)), 0) * lately
+    # Brows rise at accents and onsets; knitting them takes from that.
     raise_ = np.clip(
         RULES["brow_onset"] * onset + RULES["brow_per_mm"] * np.maximum(accent, 0) - 0.3 * knit,
         0,

@@ -109,6 +109,8 @@ def foreign_avatar(path: str | os.PathLike[str], voice: Voice) -> tuple[Avatar, 
     avatar = load_avatar(voice)
     own, eyes = own_face(avatar), eye_places(scene)
     try:
+        # 1. Place the figure so that eyes and mouth are the cuer's. 2. Pose the arms so that hands
+        # reach its own face. 3. Learn the face's map. 4. Cut out what the camera sees.
         scale, shift = _placing(own, scene, eyes)
         points = scale * scene.points + shift
         place = {bone: scale * scene.place(bone) + shift for bone in scene.bones}
@@ -206,6 +208,8 @@ def _hand_surface(
     painted = paint(scene, arms.points, *paints, _MOST)
     control = np.unique(painted.sources)
 
+    # Linear blend skinning under the bones that the markers imply; what is no part of the hand
+    # follows the forearm.
     def posed(markers: FloatArray) -> FloatArray:
         maps = hand.bones(joints.vertices(markers))
         share = scene.share(*_PALM)[control]
@@ -223,6 +227,7 @@ def _hand_surface(
 
     markers = voice.hand.shape(lesson(voice, rng))
     vertices = repeat(markers)
+    # The receiver draws with a low-rank linear map from markers: learn it from many postures.
     found = learn(
         markers,
         vertices,
@@ -242,6 +247,7 @@ def _assembled(
     scene: Scene, scale: float, eyes: FloatArray, head: Surface, control: NDArray[np.int64],
     palm: Surface, arms: Arms, voice: Voice,
 ) -> Avatar:  # fmt: skip
+    # Only vertices that are drawn remain: renumber shapes and skeleton.
     number = np.full(len(scene.points), -1)
     number[control] = np.arange(len(control))
     shapes = {}

@@ -185,6 +185,7 @@ def read_container(path: str | os.PathLike[str]) -> Container:
         raise CueError(f"{name}: {len(data)} of {length} bytes: cut off")
     chunks: dict[bytes, bytes] = {}
     at = 12
+    # Chunks: length, kind, content. The first JSON and the first BIN count.
     while at + 8 <= length:
         long, kind = struct.unpack_from("<I4s", data, at)
         if at + 8 + long > length:

@@ -103,6 +103,8 @@ class ForeignHand:
         after = fingers[:, 1:, 0] - wrist[:, None]
         ratio = np.linalg.norm(after, axis=2).mean(axis=1) / np.linalg.norm(before, axis=1).mean()
         scale = float(ratio.mean())
+        # Palm: the linear map that brings wrist-to-knuckle vectors, and their normal, to the
+        # markers'.
         before = np.vstack([before, _normal(before[None])])
         after = np.concatenate([after, scale * _normal(after)[:, None]], axis=1)
         palm = np.linalg.pinv(before) @ after
@@ -111,6 +113,8 @@ class ForeignHand:
         u, _, v = np.linalg.svd(linear)
         turn = u @ v
         for f, finger in enumerate(FINGERS):
+            # Fingers: each phalanx swings from where the one before it has carried it, and
+            # stretches along its axis.
             carried = turn
             for k, part in enumerate(FINGER_BONES[finger]):
                 axis = self.joints[f, k + 1] - self.joints[f, k]

@@ -73,6 +73,8 @@ class Face:
             If the mouth does not open or is not below the eyes.
         """
         unit, middle = self.unit, self.eyes.mean(axis=0)
+        # How far opening the mouth moves each vertex: lower lip and chin move most, the upper lip
+        # hardly.
         far = np.linalg.norm(self.opened, axis=1) * self.skin
         if not far.max() > 0.02 * unit:
             raise CueError("the mouth does not open: no face shape jawOpen or aa moves it")
@@ -151,6 +153,7 @@ class Face:
         shares = np.zeros((len(places), 3))
         for i, place in enumerate(places):
             d = place - a[:, :2]
+            # Barycentric shares s, t of the place in every triangle.
             s = (d[:, 0] * v[:, 1] - d[:, 1] * v[:, 0]) / safe
             t = (u[:, 0] * d[:, 1] - u[:, 1] * d[:, 0]) / safe
             inside = np.flatnonzero(

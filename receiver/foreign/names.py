@@ -100,6 +100,7 @@ def bones(file: Container) -> dict[str, int]:
             found = {_vrm1_name(bone["bone"]): bone["node"] for bone in human}
     except (KeyError, TypeError, AttributeError) as error:
         raise CueError(f"{file.name}: its list of bones is damaged: {error!r}") from error
+    # Neither VRM 1 nor VRM 0: know the bones by their names in common rigs.
     if not found:
         known = _rig_names()
         for number, node in enumerate(file.items("nodes")):
@@ -144,6 +145,7 @@ def face_shapes(file: Container) -> dict[str, Binds]:
     found = _target_names(file)
     extensions = file.document.get("extensions", {})
     try:
+        # VRM 1 binds by node and weights of 0 to 1, VRM 0 by mesh and percent.
         if "VRMC_vrm" in extensions:
             expressions = extensions["VRMC_vrm"].get("expressions", {})
             for kind in ("preset", "custom"):

@@ -193,6 +193,8 @@ def paint(
     uv, tints, number = scene.uv[chosen], scene.tints[chosen], scene.materials[chosen]
     sources = np.repeat(np.arange(len(points))[:, None], 3, axis=1)
     shares = np.tile([1.0, 0.0, 0.0], (len(points), 1))
+    # Divide the edges along which the texture differs most from what corners interpolate, until no
+    # difference is seen or the vertices are used up.
     for _ in range(_ROUNDS):
         at = np.einsum("nki,nk->ni", points[sources], shares)
         wanted = _differing(corners, uv, tints, number, at, materials)
@@ -210,6 +212,8 @@ def paint(
             break
         new = np.full(len(unique), -1)
         new[marked] = len(sources) + np.arange(marked.sum())
+        # New vertices lie on triangles of the input: their shares are given in one that holds the
+        # edge.
         owner = np.zeros(len(unique), dtype=np.int64)
         owner[place.ravel()] = np.repeat(np.arange(len(corners)), 3)
         base = root[owner[marked]]

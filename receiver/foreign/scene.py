@@ -114,6 +114,7 @@ def read_scene(file: Container) -> Scene:
         moved[name] = np.zeros((count, 3))
         for start, deltas in parts:
             moved[name][start : start + len(deltas)] += deltas @ turn.T
+    # A bone's share is the sum of all joints that it carries, such as twist bones.
     every = _stacked(made.weights)
     weights = {}
     for bone in named:
@@ -148,6 +149,7 @@ def _world(file: Container) -> tuple[FloatArray, IntArray]:
     scene = file.item("scenes", file.document.get("scene", 0)) if scenes else {}
     roots = scene.get("nodes", list(range(len(nodes))) if not scenes else [])
     waiting = [(root, -1) for root in roots] if isinstance(roots, list) else []
+    # Depth first from the scene's roots; a node with two parents would hang twice.
     while waiting:
         number, parent = waiting.pop()
         node = file.item("nodes", number)
@@ -222,6 +224,7 @@ def _read_node(
         count = len(points)
         if made.count + count > _MAX_VERTICES:
             raise CueError(f"{file.name}: more than {_MAX_VERTICES} vertices")
+        # Without a skin the whole mesh follows its node.
         if skin is None:
             maps = np.broadcast_to(world[number, :3, :3], (count, 3, 3))
             placed = points @ world[number, :3, :3].T + world[number, :3, 3]
@@ -374,6 +377,7 @@ def _texture_places(
         angle = float(change.get("rotation", 0))
         uv = uv * np.array(change.get("scale", [1, 1]), dtype=np.float64)
         c, s = np.cos(angle), np.sin(angle)
+        # KHR_texture_transform: scale, then rotation, then offset.
         turned = uv @ np.array([[c, -s], [s, c]])
         return np.asarray(turned + np.array(change.get("offset", [0, 0]), float))
     except (ValueError, TypeError) as error:

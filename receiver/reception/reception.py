@@ -199,6 +199,7 @@ class _Looking:
                 )
                 self._open = True
             events += self._receiver.see(luma_of(frame))
+            # No mark in the picture: decode nothing for a while.
             if not self._receiver.looking:
                 self._asleep_until_s, self._open = time_s + REST_S, False
                 break

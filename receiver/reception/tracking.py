@@ -184,6 +184,7 @@ class TimelineTracker:
         index = copy.header.sequence
         if grid is not None and goes_on:
             index = grid.index_at(copy.on_air_s)
+        # Copies of one superframe by several carriers: only a richer one is drawn again.
         richness = bool(copy.l1), len(copy.l0) + len(copy.l1 or b"")
         if goes_on and richness <= self._richness.get(index, (False, 0)):
             return

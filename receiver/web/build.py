@@ -81,6 +81,7 @@ def bundle(entry: Path) -> tuple[str, list[Path]]:
         def fetched(match: re.Match[str]) -> str:
             return f"const {{{match.group(1)}}} = {_local(imported[match.group(2)])};\n"
 
+        # Every module becomes a function that returns its exports; imports read from its constant.
         body = _EXPORT.sub("", _IMPORT.sub(fetched, text))
         given = ", ".join(names[path])
         parts.append(f"const {_local(path)} = (() => {{\n{body}return {{ {given} }};\n}})();\n")

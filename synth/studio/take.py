@@ -68,6 +68,7 @@ def record(
     ends = [0.0, *(p.end for p in score.phones[-1:]), *(k.end for k in score.keys[-1:])]
     n_frames = int(np.ceil((max(ends) + _TAIL_S) * cuer.rate_hz))
     truth, seen = [], []
+    # In pieces, for memory; the studio's faults depend on the whole take.
     for first in range(0, n_frames, _FRAMES_AT_ONCE):
         n = min(_FRAMES_AT_ONCE, n_frames - first)
         pose = cuer.pose(score, first / cuer.rate_hz, n)

@@ -163,6 +163,8 @@ def _label_shapes(shape: NDArray[np.int64], take: MarkerTake) -> None:
     def at(times: FloatArray) -> NDArray[np.int64]:
         return np.clip(np.rint(times * take.rate_hz).astype(np.int64), 0, len(flow) - 1)
 
+    # How far the hand runs before or after the TextGrid is unknown: choose the lag at which frames
+    # of one shape look most alike.
     unlike = [_unlike(reach[at(starts + one)], shapes) for one in _LAGS_S]
     lag = _LAGS_S[int(np.argmin(unlike))]
     spread = round(_HELD_S * take.rate_hz)

@@ -101,6 +101,7 @@ def learn_speaker(
         progress(len(found), steps)
     left_out = tuple(str(one.take.path) for one in found if not one.believed)
     found = [one for one in found if one.believed]
+    # Takes of face and hand together place the hand; those of one alone, if any, shape its model.
     joint = [one for one in found if one.followed is not None]
     if not joint:
         raise CueError(
@@ -157,6 +158,7 @@ def _with_stand_ins(
     for symbol in PHONES:
         if PHONE_NUMBER[symbol] in there:
             continue
+        # Sounds that look alike on the lips lend their frames.
         likes = [s for group in _LOOKALIKES if symbol in group.split() for s in group.split()]
         sister = next((s for s in likes if PHONE_NUMBER[s] in there), None)
         if sister is None:

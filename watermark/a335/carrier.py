@@ -108,6 +108,7 @@ class A335Embedder:
         self._block = b""
         self._long: list[Block] = []
         self.skipped = 0
+        # Refuse at once a depth, or a long message that does not fit its lines.
         self._system.levels_at(depth)
         if self._profile.superframes > 1:
             rooms(self._profile, self._frames_of(0)[1], domain)
@@ -309,6 +310,7 @@ class A335Receiver:
         self, profile: A335Profile, tag: tuple[int, int], part: int, data: bytes
     ) -> list[ReceivedSuperframe]:
         current = self._open
+        # A part of another message, or one too late to belong to this, begins a new collection.
         if (
             current is None
             or (current.profile, current.tag) != (profile, tag)
@@ -318,6 +320,7 @@ class A335Receiver:
             self._open = current
         current.last = self.frames
         current.parts[part] = data
+        # Messages that share several superframes deliver them one by one.
         if profile.superframes > 1:
             return self._shared(current)
         if current.done:

@@ -194,6 +194,7 @@ def line_candidates(
     if luma.size < MIN_WIDTH:
         return
     level = symbol_levels(luma)
+    # 1X has two levels, so its slice level follows the line; 2X has four at fixed places.
     for system, slices in ((SYSTEM_1X, _two_means(level)), (SYSTEM_2X, _midpoints(depth))):
         run_in = _run_in_values(system.bits)
         if np.count_nonzero(run_in != np.searchsorted(slices, level[: run_in.size])) > 2:
@@ -201,6 +202,7 @@ def line_candidates(
         values = np.searchsorted(slices, level).astype(np.int64)
         distance = level[:, None] - slices
         nearest = np.abs(distance).argmin(axis=1)
+        # Distance to the nearest slice level, and the value on its other side.
         margin = np.take_along_axis(distance, nearest[:, None], axis=1)[:, 0]
         other = np.where(margin > 0, nearest, nearest + 1)
         weakest = np.argsort(np.abs(margin), kind="stable")[:doubtful]

@@ -75,6 +75,7 @@ def parse_vp1(block: Block) -> Vp1 | None:
         raise BitstreamError(
             f"VP1 message of {len(block.body)} bytes: must be {expected}", section="ATSC A/336 5.4"
         )
+    # Packet = BCH codeword xor whitening sequence of the message's kind.
     packet = np.unpackbits(np.frombuffer(block.body[lead + 4 :], dtype=np.uint8))[: bch.N]
     found = bch.decode(packet ^ _whitening(block.message_id))
     if found is None:

@@ -169,6 +169,8 @@ class AudioReceiver:
         self._ring.extend(self._tape, self._mix, self._now)
         if self._search is not None:
             self._purse.charge(SEARCH * self._quantum / self._fs)
+        # In this order: new candidates of the search, places that recur in several looks, the track
+        # that is followed, the track in pieces, and the past of a track just found.
         while (candidate := self._next_candidate()) is not None:
             found += self._try(candidate)
         while self._search and (again := self._recurrences.due(self._tape)):
@@ -179,8 +181,10 @@ class AudioReceiver:
             found += self._follow_stretched()
         found += self._follower.past.read(self._tape)
         misses = min(self._follower.misses, self._stretched.misses)
+        # Only a receiver that reads nothing pays for hypotheses about a changed channel.
         if misses >= FAILED_BEFORE_GUESSING and self._guessing:
             found += self._hunt()
+        # Unread past superframes pin the buffer.
         kept_s = HISTORY_S if self._follower.misses < FAILED_BEFORE_GUESSING else LONG_HISTORY_S
         if not self._follower.past.unread:
             for tape in (self._tape, self._ring):

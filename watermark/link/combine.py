@@ -149,6 +149,8 @@ class Combiner:
     def _together(self, a: _CarrierSuperframe, b: _CarrierSuperframe) -> ReceivedSuperframe | None:
         if a.profile is None or b.profile is None or a.profile.l0_bytes != b.profile.l0_bytes:
             return None
+        # Both carriers send one mother polar code, repeated or cut to their room: folded to its
+        # length, their log-likelihood ratios add.
         codes = [_code(profile) for profile in (a.profile, b.profile)]
         if codes[0].frozen.size != codes[1].frozen.size:
             return None
@@ -163,6 +165,7 @@ class Combiner:
         if message is None:
             return None
         l0 = np.packbits(message[:size].astype(np.uint8)).tobytes()
+        # L1 is not combined: take that of the richer carrier, else the other's.
         richer, poorer = sorted((a, b), key=lambda s: -(s.profile.l1_bytes if s.profile else 0))
         l1 = _second(richer) or _second(poorer)
         confidence = max(a.superframe.confidence, b.superframe.confidence)

@@ -123,9 +123,12 @@ def ear_tables(bands: int = BANDS) -> EarTables:
     """Compute the tables for 109 or 55 bands (once per process)."""
     low, centre, high = band_edges(bands)
     width = SPREAD_BARK / (bands - 1)
+    # Slopes of the spreading function (BS.1387) in dB per Bark: 27 downwards, 24 + 230 / f upwards,
+    # which the kernels lessen with level.
     upper_slope = np.power(10.0, (-2.4 - 23 / centre) * width)
     band = np.arange(bands)
     lower_gain = np.cumsum(np.power(10.0 ** (-2.7 * width), band.astype(np.float64)))
+    # Masking offset: 3 dB up to 12 Bark, then a quarter of the distance.
     mask_db = np.where(band * width <= 12, 3.0, 0.25 * band * width)
     rows = np.stack(
         [

@@ -186,6 +186,8 @@ class PeaqMeter:
         ehs = np.empty((self._channels, count))
         probability, steps = np.zeros((count, BANDS)), np.zeros((count, BANDS))
         for c in range(self._channels):
+            # The second half of a frame decides whether it is loud enough for the harmonic
+            # structure.
             frames = sliding_window_view(pair[:, :, c], FRAME, axis=1)[:, ::HOP]
             spectra = np.fft.rfft(frames * ear_tables().window, axis=2)
             power = np.square(spectra.real)
@@ -193,6 +195,7 @@ class PeaqMeter:
             energy = np.square(frames[:, :, HOP:]).sum(axis=2)
             ehs[c] = harmonic_structure(power, energy)
             _run_model(power, self._state[c], features[c], probability, steps)
+        # Bands detect independently: a difference is missed only if all of them miss it.
         detection = 1 - np.prod(1 - probability, axis=1)
         self.detections = np.concatenate([self.detections, detection])
         by_frame, ehs = (

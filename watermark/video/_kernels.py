@@ -105,6 +105,7 @@ def texture_into(
     for r in range(out.shape[0]):
         for c in range(out.shape[1]):
             empty = False
+            # Means of the sixteen parts of a cell.
             for i in range(4):
                 y0, y1 = row_start[4 * r + i], row_start[4 * r + i + 1]
                 for j in range(4):
@@ -117,6 +118,8 @@ def texture_into(
                     empty = empty or count == 0
                     means[i, j] = total / max(1, count)
             least = np.inf
+            # Of its four quarters, the one whose four means differ least: an edge through a cell
+            # spoils some quarters, texture all of them.
             for i in range(0, 4, 2):
                 for j in range(0, 4, 2):
                     centre = 0.0

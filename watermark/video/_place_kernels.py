@@ -289,6 +289,8 @@ def crop_score(
     """
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     unit = one / np.float32(step)
+    # A place that is off by `error` pixels weakens the wave by exp(-2 pi^2 error^2 |gradient|^2 /
+    # step^2).
     reach = np.float32(2 * np.pi**2 * error * error) * unit * unit
     cell_x = size[0] / np.float32(size[3] - crops[0] - crops[1])
     cell_y = size[1] / np.float32(size[4] - crops[2] - crops[3])
@@ -298,6 +300,7 @@ def crop_score(
     total = squares = np.float32(0.0)
     column = np.empty(4, dtype=np.float32)
     for p in range(pilots.shape[0]):
+        # Corner of the pilot's cell in this crop; pilots in the cropped part do not count.
         x = cell_x * (pilots[p, 2] - left) - np.float32(4.0)
         y = cell_y * (pilots[p, 1] - top) - np.float32(4.0)
         if x < 0 or y < 0 or x > size[0] - 8 or y > size[1] - 8:
@@ -308,6 +311,7 @@ def crop_score(
         i, j = np.int64(y), np.int64(x)
         if i < 1 or j < 1 or i > fields.shape[1] - 3 or j > fields.shape[2] - 3:
             continue
+        # Catmull-Rom interpolation, along rows and then across them.
         f = x - np.float32(j)
         w0, w3 = half * f * (f * (2 - f) - 1), half * f * f * (f - 1)
         w1 = one + half * f * f * (3 * f - 5)
@@ -320,6 +324,7 @@ def crop_score(
         w1 = one + half * f * f * (3 * f - 5)
         w2 = one - w0 - w1 - w3
         value = w0 * column[0] + w1 * column[1] + w2 * column[2] + w3 * column[3]
+        # Slope of the field: how much a small error of place would turn the wave.
         gx, gy = fields[p, i, j + 1] - fields[p, i, j], column[2] - column[1]
         above = min(max((seen - limits[0, 0]) * scale, zero), one)
         wider = min(max((seen - limits[1, 0]) * wide, zero), one)

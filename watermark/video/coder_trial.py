@@ -154,12 +154,16 @@ class CoderTrial:
         data[self._modes[0].layout.pilots] = False
         found = np.zeros((2, len(TRIED)))
         counts = np.zeros((2, len(TRIED)))
+        # Information per cell that arrives of each rung, apart for smooth (0) and textured (1)
+        # cells.
         for index, (rung, _) in enumerate(TRIED):
             step = self._modes[rung].step
             for kind in (0, 1):
                 mine = np.flatnonzero(data & (choice == index) & (textured == bool(kind)))
                 if not mine.size:
                     continue
+                # In steps: the mean over the trial's frames is the value sent, their variance the
+                # noise.
                 place = values[:, mine].mean(axis=0) / step - dither[mine]
                 variance = values[:, mine].var(axis=0) / step**2
                 found[kind, index] = _information(place, variance, bits[mine], share[:, mine])

@@ -136,6 +136,9 @@ class PlaceTable:
             kernels.halve_into(self._picture, self._half)
         kernels.fine_texture_into(self._half, self._texture)
         kernels.resample_into(mean, *self._taps, MARGIN, self._picture)
+        # 1. Fields: the mean of each pilot's cell at every displacement. 2. Votes: what each
+        # displacement says about the pilot's sign. 3. Scores: sums of votes along all crops, with
+        # those of looks before. 4. The best are refined.
         kernels.pilot_fields_into(
             self._picture, self._pilots, self._first_x, self._first_y, self._factors, self._fields
         )

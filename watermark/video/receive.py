@@ -233,6 +233,7 @@ class VideoReceiver:
     def _try(self, candidate: PlaceCandidate) -> None:
         """Show the newest frames to a tracker of this place in the small picture, unless one is."""
         place = _scaled(candidate.region, *self._kept)
+        # One trial per place: a much better score replaces it.
         for other in [other for other in self._trials if is_near(place, other)]:
             trial = self._trials[other]
             if trial.found or candidate.score < trial.score + BETTER:
@@ -242,6 +243,7 @@ class VideoReceiver:
             return
         rows, columns = self._shape
         grid = Grid(columns, rows, SMALL_DEPTH, region=candidate.region, reduced=self._factor)
+        # The tracker starts with the frames that are kept, then goes on at full size from the next.
         tracker = VideoTracker(grid, self._timing, **self._options)
         if self._patience is not None:
             tracker.patience = self._patience

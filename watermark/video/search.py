@@ -115,6 +115,7 @@ class PlaceSearch:
         self._timing, self._whole = timing, whole
         self._scores = PilotScores(PilotWatch(key, strength), shape)
         self._shift = round(timing.span * SHIFT)
+        # Enough for three windows `_shift` apart; `_sum` follows the middle one.
         self._frames: deque[Small] = deque(maxlen=timing.window + 2 * self._shift)
         self._sum = np.zeros(shape, dtype=np.int32)
         self._means = np.zeros((3, *shape), dtype=np.float32)
@@ -124,6 +125,7 @@ class PlaceSearch:
         self._moving = False
         self._count = self._looks = 0
         scores, common = self._scores, self._scores.common
+        # Crops of the whole picture, and of that inside its bars.
         self._tables = [
             PlaceTable(
                 scores.pilots[common],

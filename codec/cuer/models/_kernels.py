@@ -219,11 +219,14 @@ def gather_into(
             weight = share[t, k]
             if weight == 0.0:
                 continue
+            # Consecutive frames mostly know the same values: factorise again only where these
+            # change.
             if last < 0 or (known[t] != known[last]).any():
                 count = _factorise(precisions[k], known[t], hidden, factor)
             last = t
             _pull(values[t], known[t], means[k], precisions[k], away, pull)
             _solve(factor, hidden, count, pull, shift)
+            # E[h | k] = mean - P_hh^-1 P_hk (x_k - mean_k).
             for i in range(count):
                 away[hidden[i]] = -shift[i]
             total[k] += weight
@@ -231,6 +234,7 @@ def gather_into(
                 first[k, i] += weight * away[i]
                 for j in range(i + 1):
                     second[k, i, j] += weight * away[i] * away[j]
+            # Covariance P_hh^-1, column by column.
             for j in range(count):
                 pull[:] = 0.0
                 pull[hidden[j]] = 1.0

@@ -80,10 +80,13 @@ def _refine(
     weight = marker_weights(
         model.residual(anchors, near), np.ones(near.shape[:2], dtype=np.bool_), robust=True
     )
+    # Gauss-Newton at the anchors: step = (J'WJ)^-1 J'W r - NOISE (J'WJ)^-1 x, the latter pulling to
+    # the mean.
     projection, inverse = gauss_newton(model, anchors, weight, model.deviations[:0])
     gain = (inverse @ projection).astype(np.float32)
     pull = NOISE_MM2 * inverse
     between = np.arange(len(markers)) % ANCHORED != 0
+    # Each frame between takes the slopes of the nearer anchor (chord method: they stay the same).
     nearest = [slice(0, -1)] * (ANCHORED // 2) + [slice(1, None)] * (ANCHORED - 1 - ANCHORED // 2)
     now = markers[between]
     at = parameters[between].reshape(-1, ANCHORED - 1, anchors.shape[1])

@@ -75,15 +75,19 @@ def moved_into(
             time = float(first + t * step)
             value, begun = 0.0, False
             for g in range(done + 1, leave.size):
+                # Delays of begin and end shrink with strokes shorter than usual.
                 duration = float(reach[g] - leave[g])
                 part = 1.0 if duration >= stroke else duration / stroke
                 begin = leave[g] + part * begins[c]
                 if begin > time:
                     break
                 length = max(reach[g] + part * ends[c] - begin, duration / 2, 1.0)
+                # Strokes that are over become the held position; a channel has at most a few at
+                # once.
                 if not begun and time >= begin + length:
                     done = g
                     continue
+                # Minimum-jerk share of the way, with an arc that is greatest at half.
                 p = _jerk(min((time - begin) / length, 1.0), power)
                 value += p * (held[g, c] - held[g - 1, c])
                 value += 4.0 * p * (1.0 - p) * distance[g] * arc[c]

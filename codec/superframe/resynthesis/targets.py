@@ -68,6 +68,7 @@ class Targets:
             if len(array) != wanted or not np.isfinite(array).all():
                 raise VoiceError(f"targets: {name} has shape {array.shape}, not {wanted} rows")
             object.__setattr__(self, name, array)
+        # Hand, head and forearm move by one kernel: one table of targets, arcs and delays for all.
         moving = np.concatenate([self.hand, self.head, self.forearm], axis=1)
         object.__setattr__(self, "moving", moving)
         arc = np.concatenate([np.zeros(widths[0] + widths[1]), self.arc])

@@ -173,6 +173,7 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
         np.full((len(points), 2), np.nan),
     )
     window = max(5, 2 * round(0.5 * _SMOOTHING_S * rate_hz) + 1)
+    # Per run of frames that show the hand; Savitzky-Golay needs a window's length at least.
     for run in _runs(shown, rate_hz):
         if run.stop - run.start < max(window, _LEAST_RUN_S * rate_hz):
             continue
@@ -180,10 +181,13 @@ def see(face: FloatArray, hand: FloatArray, *, rate_hz: float) -> HandFeatures:
         out.fingers[run] = fingers_of(x)
         out.tips[run] = x[:, [8, 12]]
         out.pointers[run] = _pointers(x, out.fingers[run])
+        # Speed of the palm in the head's frame.
         velocity = savgol_filter(
             x[:, _PALM].mean(1), window, 2, deriv=1, delta=1 / rate_hz, axis=0, mode="nearest"
         )
         out.speed[run] = np.linalg.norm(velocity, axis=1)
+        # Stance: direction of the palm across the picture, and its apparent width, which shows its
+        # turn; the width is relative to the film's median.
         palm = 0.5 * (x[:, 9] + x[:, 13]) - x[:, 0]
         out.stance[run, 0] = np.unwrap(np.arctan2(palm[:, 1], palm[:, 0]))
         out.stance[run, 1] = np.linalg.norm(x[:, _ACROSS[0]] - x[:, _ACROSS[1]], axis=1)

@@ -57,6 +57,8 @@ def finish(
     even = resample(np.asarray(params, dtype=np.float64), rate_hz, times - start_s)
     given = options.score and options.score.shifted(start_s - file_start_s)
     score = given
+    # Keys: a given score is compared with the hand, a text is searched in it, else they are
+    # recognised alone.
     if has_hand and (options.keys or given):
         looks = ANYBODYS
         if seen is None:
@@ -103,6 +105,8 @@ class _TimedHand:
         """Return the hand's keys: a text's keys if it shows them, else those recognised."""
         if text is not None and text.keys:
             found = follow_keys(self.seen, text.keys, looks=self.looks)
+            # The text is believed only if enough of its keys are seen: a wrong text must not be
+            # confirmed.
             if found.believed:
                 held = [one for one in found.held if one is not None]
                 report["keys"] = {
@@ -198,6 +202,8 @@ def resting_when_away(
         begin, end = int(at[0]), int(at[-1]) + 1
         if len(at) < away_s * rate_hz:
             continue
+        # 0 beside the frames that show the hand, 1 from a ramp's length on; a gap at an end of the
+        # take has only one ramp.
         away = np.ones(len(at))
         if begin > 0:
             away = np.minimum(away, np.arange(1, len(at) + 1) / ramp)

@@ -99,6 +99,8 @@ def follow_keys(
     low, high = _band(steady.shown, len(line))
     at = np.empty(len(line), dtype=np.int64)
     states = np.empty(len(steady), dtype=np.int64)
+    # Viterbi: keys in the text's order, each held for some frames or left out at a price, within a
+    # band about an even pace.
     _kernels.follow(paths.hold, paths.way, paths.line, paths.pair, omit, low, high, at, states)
     held: list[HeldKey | None] = []
     agreement = []
@@ -112,6 +114,7 @@ def follow_keys(
         begin, end = int(frames[0]), int(frames[-1])
         state = paths.shown(line[number], begin, end)
         first, last = own_frames(begin, end + 1, seen)
+        # The key is reached when the movement from the key before has ended.
         reach = arrival(flow, before, first, last)
         before = last
         around = round(_AROUND_S * READ_HZ)

@@ -140,6 +140,8 @@ class LikelyLine:
             at = at[seen.shown[at]]
             if not run.state or not len(at):
                 continue
+            # The stillest frame decides what the key may be; each candidate gives an example with
+            # its probability as weight, from its most typical frame.
             slow = at[seen.speed[at].argmin()]
             for key in np.flatnonzero(self.near[slow] > _LIKELY):
                 shape, place = KEYS[key]

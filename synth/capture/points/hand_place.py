@@ -57,6 +57,7 @@ def find_hand_place(markers: FloatArray, unit: str, voice: Voice) -> Registratio
     unit_mm = unit_of(ratio, unit, "hand")
     notes = ("no head is seen: the hand is put beside the voice's, and no key is told",)
     places = []
+    # A left hand mirrored and a right one: the better fit of the hand's model decides.
     for left in (False, True):
         flip = np.array([-1.0, 1.0, 1.0]) if left else np.ones(3)
         motion, _ = rigid.estimate_motion(body[known] * unit_mm * flip, rest[None])

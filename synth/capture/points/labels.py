@@ -82,6 +82,8 @@ def find_names(
     columns = np.full(len(MARKERS), -1, dtype=np.intp)
     unnamed, unused, used = [], [], set()
     for number, label in enumerate(labels):
+        # Labels may be SUBJECT:NAME. The user's map is asked for the whole label, then for the bare
+        # name; then the name itself counts.
         prefix, _, bare = label.rpartition(":")
         if subject is not None and prefix.casefold() != subject.casefold():
             continue

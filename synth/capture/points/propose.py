@@ -252,8 +252,12 @@ def _groups(x: FloatArray) -> list[IntArray]:
     count = np.maximum(known.sum(0), 1)
     away[~known] = 0.0
     mean = away.sum(0) / count
+    # Standard deviation of each pair's distance, by frames that show both: points of one rigid body
+    # keep theirs.
     spread = np.sqrt(np.maximum((away**2).sum(0) / count - mean**2, 0.0))
     found: dict[bytes, IntArray] = {}
+    # Rigid groups by hierarchical clustering of the deviations; those that lie together by
+    # distance.
     for distance, method in ((spread, "average"), (mean, "single"), (mean, "average")):
         distance[~known.any(0)] = distance.max(initial=0.0)
         distance[np.diag_indices(len(distance))] = 0.0
@@ -370,6 +374,8 @@ def _one_hand(take: _Take, view: FloatArray, columns: IntArray) -> tuple[IntArra
     shown = np.isfinite(view[:, points, 0])
     begun = [(0.0, columns)]
     known = (take.known[HAND] >= 0).sum() >= _LEAST_IN_FRAME
+    # Lay typical postures over the fullest frames, follow each start through the take, and keep
+    # what explains most of it.
     for frame in () if known else _fullest(shown, _SEED_FRAMES):
         at = view[frame, points]
         if shown[frame].sum() < _LEAST_HAND:
@@ -432,6 +438,8 @@ def _believed(
     for what, part, least in (("face", FACE, _LEAST_FACE), ("hand", HAND, _LEAST_HAND)):
         ours = np.asarray((markers >= part.start) & (markers < part.stop))
         if ours.any():
+            # Confidence of a name: how much worse the next best assignment is, in units of the mean
+            # error.
             unit = _MARGIN * max(float(error_mm2[ours].mean()), _LEAST_ERROR_MM2)
             confidence[ours] = expit(margin[ours] / unit)
         sure = ours & (confidence >= SURE)

@@ -202,6 +202,7 @@ def _read_csv(path: str) -> PointRecording:
         for fields in csv.reader(lines):
             if not fields:
                 continue
+            # Short rows are padded with NaN: hidden.
             row = np.full(len(titles) - 1, np.nan, dtype=np.float32)
             given = numbers(fields[1 : len(titles)])
             row[: len(given)] = given

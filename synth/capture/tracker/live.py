@@ -199,8 +199,10 @@ class LiveLandmarks:
             return _Solved(shot.time_s, face, unseen, of_face, None, equations, nothing)
         own = self._hand
         last = None if before is None else before.of_hand
+        # A hand that just appeared starts at the likeliest posture and takes more steps.
         first = started(own, hand[None], self._likely) if last is None else last[None]
         hand = hand.copy()
+        # Trackers give a hand's depth relative to its wrist: put the wrist where the model has it.
         hand[:, 2] += (own.landmarks(first)[0, 0] - hand[0])[2]
         of_hand = _fit(own, hand[None], first, _FIRST_STEPS if last is None else _STEPS)[0]
         of = _equations(own, hand, of_hand)

@@ -87,6 +87,7 @@ def capture_live_link(path: Path, voice: Voice, options: CaptureOptions) -> Capt
     body = load_body(voice.name if voice.name in IDENTITIES else "claire")
     params = np.tile(resting(Speaker(voice, voice.face, voice.hand)), (len(table.weights), 1))
     errors = np.zeros(N_FACE)
+    # The blend shapes move a body's face; the voice's model is then inverted on its markers.
     for begin in range(0, len(params), _PIECE):
         part = slice(begin, begin + _PIECE)
         markers = _face_of(body, table, part)
@@ -161,6 +162,7 @@ def read_live_link(path: Path) -> FaceTable:
     for number, name in enumerate(_TURNS):
         if name in titles:
             turns[:, number] = table[:, titles.index(name)]
+    # Live Link writes radians; numbers beyond them are degrees of another program.
     if np.abs(turns).max() > _MOST_TURN_RAD:
         turns = np.radians(turns)
         notes.append("the head's rotations are taken for degrees")

@@ -49,6 +49,7 @@ def read_ass(text: str, findings: Findings) -> Iterator[Subtitle]:
     seen: set[tuple[float, float, str]] = set()
     for number, line in enumerate(lines, 1):
         kind, colon, rest = line.partition(":")
+        # A Format line names the fields; the text comes last and may hold commas.
         if kind.strip().lower() == "format" and "text" in _names(rest):
             names = _names(rest)
         if not colon or kind.strip().lower() != "dialogue":
@@ -60,6 +61,7 @@ def read_ass(text: str, findings: Findings) -> Iterator[Subtitle]:
             findings.refuse(number, error)
             continue
         said = _said(fields.get("text", ""))
+        # Karaoke and shadows repeat a line at the same times.
         if said and (*times, said) not in seen:
             seen.add((*times, said))
             painted = styles.get(fields.get("style", "").strip().lower(), "")

@@ -54,6 +54,7 @@ def runs_of(
             if not piece.startswith("</"):
                 tags.append((name, now))
                 now = _opened(piece, now, colours or {})
+            # A closing tag also closes those that were opened inside it and never closed.
             elif any(name == opened for opened, _ in tags):
                 while tags:
                     opened, before = tags.pop()

@@ -261,6 +261,8 @@ def _cued(subtitles: Sequence[Subtitle], findings: Findings, terms: Terms) -> It
     for subtitle, language in zip(subtitles, found, strict=True):
         if _told_credit(subtitle, findings):
             continue
+        # A foreign subtitle may hold a French line and the reverse; one that is all of it is no
+        # finding.
         if language != FRENCH and spoken(subtitle.text):
             lines = french_lines(subtitle.text)
             if len(lines) == len(subtitle.text.split("\n")):

@@ -58,6 +58,7 @@ def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) ->
         if number == 1:
             declared = filter(None, map(_LANGUAGE.match, block))
             findings.language = next((match[1] for match in declared), "")
+        # NOTE, STYLE and REGION blocks, and the header.
         if _BLOCK.match(block[0]) or (number == 1 and "-->" not in "".join(block)):
             continue
         try:

@@ -126,12 +126,14 @@ def _set_aside(line: str, own: Collection[str]) -> tuple[str, dict[str, str]]:
     """
     kept: dict[str, str] = {}
 
+    # Longest names first, so that none is cut by a shorter one.
     for phrase in sorted((word for word in own if " " in word), key=len, reverse=True):
         letter = chr(_RARE_LETTERS + len(kept))
         line, found = re.subn(rf"(?<!\w){re.escape(phrase)}(?!\w)", letter, line, flags=re.I)
         if found:
             kept[phrase] = letter
 
+    # A letter that no French text has passes every later rule unchanged.
     def aside(match: re.Match[str]) -> str:
         word = match[0].lower()
         if word not in own:

@@ -262,6 +262,8 @@ def line_seen_into(
     rested = np.empty(n, np.bool_)
     at, way = np.empty(n, np.int64), np.empty(n)
     last = -1
+    # at[i]: the gesture of key i; a rest before it is a gesture of its own. way[i]: its distance in
+    # mm.
     for i in range(n):
         rested[i] = i == 0 or start[i] - end[i - 1] >= rest_gap
         last += 2 if rested[i] else 1
@@ -284,6 +286,7 @@ def line_seen_into(
     begun, seen, fastest = np.empty(last + 2), np.empty(last + 2), np.empty(last + 2)
     seen_into(leave, reach, shown, step, lateness, stroke, power, arc, place, tip, knuckle, goal,
               gram, clear, begun, seen, fastest)  # fmt: skip
+    # Repeated keys show as one: all of them get the time from the first's begin to the last's end.
     same = 0
     for i in range(n):
         held[i], peak[i] = seen[at[i]], fastest[at[i]]

@@ -103,6 +103,7 @@ class VisibilityModel:
             rows[:, voice.face_columns[N_FACE_PARAMETERS:]] = table.neutral_head
             return voice.reconstruct(rows).astype(np.float64)
 
+        # Every shape at every place: palm by key; fingertip and knuckles relative to it.
         own = markers(np.repeat(table.shape_targets, N_PLACEMENTS, axis=0))
         palm = own[:, _PALM].mean(axis=1)
         tip = np.array(

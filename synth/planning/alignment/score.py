@@ -386,6 +386,7 @@ class _TimedRuns:
                 f"what is said ({evidence}), timed by themselves"
             )
         line: list[TimedWord] = []
+        # Run by run: times of the alignment where it is believed, else those of the subtitle.
         for item, found in zip(self.heard, self.found, strict=True):
             sure = np.zeros(len(item.words))
             if found is not None:

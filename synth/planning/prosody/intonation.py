@@ -62,6 +62,7 @@ def intoned(words: Iterable[PacedWord]) -> Iterator[Phone]:
     before: PacedWord | None = None
     sentence: list[Word] = []
     for word in words:
+        # A phone is held back until it is known whether its word ends a group.
         if before is not None and last is not None and not last.contour:
             gap_s = word.phones[0].start - last.end if word.phones else 0.0
             if _goes_on(before, word):

@@ -271,6 +271,8 @@ class TimingOptimiser:
         end[i:j] += shift
         if (start[i:j] < line.early[i:j]).any() or (start[i:j] > line.late[i:j]).any():
             return None
+        # At both borders of the shifted keys: contiguous keys stay so, the neighbour grows or
+        # shrinks; a gap keeps its pause, and does not change between a rest and none.
         for edge in (i, j):
             if not 0 < edge < len(start):
                 continue

@@ -168,6 +168,8 @@ class VisibleKeys:
                 break
             caution += _CAUTION_S * short
             more = line.more.copy()
+            # `more` corrects the model by what the performance showed, with some caution for keys
+            # still short.
             more[line.frozen :] = held - settler.seen(line) - caution
             line = settler.settled(replace(line, more=more), np.flatnonzero(short))
             held = self._held(line)

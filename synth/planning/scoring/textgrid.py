@@ -35,6 +35,7 @@ def write_textgrid(path: str | os.PathLike[str], score: Score, duration_s: float
         "xmin = 0", f"xmax = {duration_s:.6f}", "tiers? <exists>", "size = 2", "item []:",
     ]  # fmt: skip
     for number, (name, intervals) in enumerate((("phones", phones), ("keys", keys)), start=1):
+        # Praat wants tiers without gaps.
         filled = list(_filled(intervals, duration_s))
         lines += [
             f"    item [{number}]:",

@@ -123,6 +123,7 @@ class ConcatenativeSynthesiser:
         self._face_columns = [i for i in columns if voice.layout[i].startswith("face.")]
         self._hand_columns = [i for i in columns if i not in self._face_columns]
         self._head_columns = [i for i in columns if voice.layout[i].startswith("head.")]
+        # Slow head motion cannot be cut into units: it is removed here and added anew in `perform`.
         self._head = HeadMotion(voice, recordings, seed=seed)
         motions = self._head.without_slow_part(recordings)
         self._face = Trajectories(motions, self._face_columns)
@@ -160,10 +161,12 @@ class ConcatenativeSynthesiser:
                 passage.around, alignment=self._alignment, options=self._options
             )
             params, sound, units = self._make(passage, gestures, flow, first, last)
+            # Neighbouring passages overlap and are cross-faded: what comes out is final.
             for at, frames, samples in flow.join(first, last, params, sound):
                 times = np.arange(at, at + len(frames)) / rate_hz
                 moving = self._head.added(frames, times, passage.around.phones, gestures)
                 end = at + len(frames)
+                # A passage's score goes out once, with its last frames.
                 score = passage.score if end == last else _SILENT
                 said = (u for u in units if at <= u.target.edges_s[0] * rate_hz < end)
                 yield Performance(
@@ -251,6 +254,8 @@ class ConcatenativeSynthesiser:
         dikeys = self.dikeys.select(cut_dikeys(gestures))
         hand = _joined(self._hand, dikeys, times)
         params[:, self._hand_columns] = hand
+        # Dikeys meet in the middle of a held key; smoothing rounds the joins, which are then slowed
+        # to what the recordings show.
         for columns, width_s in (
             (self._hand_columns, _HAND_SMOOTHING_S),
             (self._head_columns, _HEAD_SMOOTHING_S),

@@ -117,6 +117,8 @@ def _labels(recordings: Sequence[UnitRecording]) -> dict[str, NDArray[Any]]:
     scores = json.dumps([r.score.to_json() for r in recordings]).encode()
     params = np.concatenate([r.motion.params for r in recordings]).astype(np.float64)
     middle, step = params.mean(axis=0), np.maximum(params.std(axis=0), 1e-6) / _STEPS
+    # Parameters in steps of a fraction of their deviation, as differences: small integers compress
+    # well.
     whole = np.rint((params - middle) / step).astype(np.int32)
     middles = np.concatenate([r.middles for r in recordings])
     arrays: dict[str, NDArray[Any]] = {

@@ -135,11 +135,13 @@ def _as_heard(passage: SpokenPassage, found: Aligned) -> Iterator[Word]:
             until_s = min(until_s, (follows.start + follows.end) / 2)
         symbols = list(word.phones)
         ending = _sounding(best, names, _MUTE, last.start, until_s)
+        # A mute e that is not heard is dropped, one that is heard after a consonant added.
         if last.symbol == "ə" and len(symbols) > 2 and ending < _MUTE_FRAMES:
             symbols.pop()
         elif last.symbol not in VOWELS and _mute_at_end(word.text) and ending >= _MUTE_FRAMES:
             symbols.append("ə")
         link = _link(passage.words[number - 1].text if number else "", word)
+        # A liaison consonant counts if it is heard between the words.
         if link and before is not None and phones[0].start - before.end < _PAUSE_S:
             middle = (phones[0].start + phones[0].end) / 2
             heard = _sounding(best, names, (link,), (before.start + before.end) / 2, middle)

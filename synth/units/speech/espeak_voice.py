@@ -215,6 +215,7 @@ def _render(
         if n > 0:
             blocks.append(ctypes.string_at(wav, 2 * n))  # type: ignore[arg-type]
         position = 0
+        # Event list of the block, ended by an event of type 0.
         while (event := events[position]).type != _EVENT_END:  # type: ignore[index]
             if event.type == _EVENT_PHONEME:
                 starts.append(event.sample)

@@ -175,10 +175,12 @@ class AudioEmbedder:
         self._designer = designer(self._profile, key)
         self._front = min(channels, 2)
         wanted = self._profile.grade if grade is None else grade
+        # A given level leaves nothing to control or to try on a coder.
         control = LevelControl(wanted, self._front, quiet=rehearsal is not None)
         self._control = control if level is None else None
         self._rehearsal = rehearsal if level is None else None
         self._stretch_length = stretch
+        # With a codec in the loop, the stretch after this one is tried before this one is written.
         self._ahead = stretch if self._rehearsal else 0
         self._needs: dict[int, float] = {}
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
@@ -192,6 +194,8 @@ class AudioEmbedder:
         self._mark = SampleBuffer()
         self._shares = MarkShares(channels)
         self._across, self._taken = SampleBuffer(), SampleBuffer()
+        # Of each row (mid, side): the hop before the next superframe, and the end of the last one's
+        # mark, which overlaps it.
         self._before = np.zeros((self._rows, HOP))
         self._tail = np.zeros((self._rows, HOP))
         self._next = 0
@@ -405,6 +409,8 @@ class AudioEmbedder:
         sound = np.stack([host, side][: self._rows])
         marked = sound.copy()
         marked[:, :HOP] += self._tail
+        # Superframes overlap by a hop: each is designed on the sound that has its predecessor's
+        # mark already.
         before, silent = self._before, [True] * len(payloads)
         parts = parts or [None] * len(payloads)
         if levels is not None:
@@ -418,6 +424,8 @@ class AudioEmbedder:
                 before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
                 silent[i] = not made.carries
         mark = marked - sound
+        # Row 0 of `divided` is what left has more of than mid, and right less: the side's own mark
+        # adds to it.
         divided = self._shares.divide(mark[0])
         divided[0] += mark[1:].sum(axis=0)
         inner = slice(0, -HOP)

@@ -242,6 +242,8 @@ class LevelControl:
 
         chosen = hear(self.base)
         if (grade := chosen.grade) is not None:
+            # The first stretch searches for its level; later ones follow what was learnt, and are
+            # softened only where they miss the grade by far.
             if not self._started:
                 chosen = self._begin(hear, chosen, grade)
                 if enough is not None and enough < self.base and self._best > self._wanted:
@@ -250,12 +252,15 @@ class LevelControl:
                 chosen = self._soften(hear, grade)
             self._started = True
             base = self.base
+            # Quieter where the grade is short and louder elsewhere: kept only if the whole grades
+            # better.
             if (relief := self._relief(chosen)) is not None:
                 relieved = hear(base)
                 if self._better(relieved, chosen):
                     chosen = relieved
                 else:
                     relief = None
+            # Last resort: step down until the passage is no more spoilt, but never below `least`.
             softest = max(self.base - SOFTER * SOFTER_TRIALS, least)
             while self._spoils(chosen) and base > softest:
                 base = max(base - SOFTER, softest)

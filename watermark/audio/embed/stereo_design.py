@@ -54,6 +54,7 @@ class StereoDesigner(MarkDesigner):
         leaning: int | None = MID,
     ) -> MarkedSuperframe:
         """Design a mark of mid and side, shapes (2, HOP) and (2, SUPERFRAME + HOP)."""
+        # Without a side the sound is mono: the plain design gives the same mark in mid.
         if not (before[1].any() or host[1].any()):
             plain = super().design(before[:1], host[:1], payload, level, gains=gains, rounds=rounds)
             return MarkedSuperframe(
@@ -65,9 +66,12 @@ class StereoDesigner(MarkDesigner):
         coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
         mark = np.zeros(host.shape, dtype=np.float32)
         places = np.full_like(self._places, MID) if leaning is None else self._places
+        # The masking threshold, and so the quantiser's step, depends on the marked sound: each
+        # round measures the sound with the mark of the round before and designs it again.
         for left in reversed(range(rounds)):
             units = self._units(spectra[0], spectra[1])
             own = coefficients[MID], units[MID]
+            # Cells lie in mid or side, as announced by the pilots; else all lie in mid.
             if leaning is not None:
                 own = self._chosen(coefficients), self._chosen(units)
             change, living = self._data(coefficients, units, own, places, wanted, level)

@@ -30,12 +30,15 @@ def slide_frames(
     for r in range(spectra.shape[0]):
         if r % anew == 0:
             x[:], y[:] = 0.0, 0.0
+            # Sums of the whole frame, so that rounding errors of sliding cannot grow.
             for i in range(period):
                 sample, wave_x, wave_y = sound[r * apart + i], wave[0, i], wave[1, i]
                 for k in range(bins + 1):
                     x[k] += sample * wave_x[k]
                     y[k] += sample * wave_y[k]
         else:
+            # Sliding transform: subtract the samples that leave and add those that enter, four at a
+            # time for the vector unit. The window has one period, so both have the same wave.
             for i in range(0, apart, 4):
                 old = (r - 1) * apart + i
                 new = old + period
@@ -46,10 +49,12 @@ def slide_frames(
                 for k in range(bins + 1):
                     x[k] += (d0 * a0[k] + d1 * a1[k]) + (d2 * a2[k] + d3 * a3[k])
                     y[k] += (d0 * b0[k] + d1 * b1[k]) + (d2 * b2[k] + d3 * b3[k])
+            # Then turn the phases to the new frame's origin.
             for k in range(bins + 1):
                 a, b = x[k], y[k]
                 x[k], y[k] = a * on_x[k] - b * on_y[k], a * on_y[k] + b * on_x[k]
         for k in range(bins):
+            # A sine window is two shifted exponentials: a windowed bin is a sum of two neighbours.
             a = (own_x[k] * x[k] - own_y[k] * y[k]) + (
                 other_x[k] * x_next[k] - other_y[k] * y_next[k]
             )
@@ -109,6 +114,8 @@ def look_up(
     part, at = np.empty(groups, dtype=np.float32), np.empty(groups, dtype=np.uint32)
     for r in range(planes.shape[1] - step):
         x, y, x_next, y_next = planes[0, r], planes[1, r], planes[0, r + step], planes[1, r + step]
+        # The two nearest rows of projections are blended for every delay d between them; the blend
+        # is linear, so the error of all cells costs four products each.
         begins = rows[nearest[r]]
         for d in range(turns.shape[1]):
             row = r * turns.shape[1] + d
@@ -119,6 +126,8 @@ def look_up(
             for n in range(units.size):
                 unit, zero = units[n], dither[n]
                 for g in range(groups):
+                    # The masked low bits of the quantised error are its phase in the period;
+                    # negative ones wrap.
                     error = np.int32(np.floor(part[g] * unit - zero[g]))
                     at[g] = (np.uint32(error) & last) + begins[g]
                 if sums.shape[1]:
@@ -157,6 +166,7 @@ def follow_frames(
     score, before = start.copy(), np.empty(count)
     for t in range(frames):
         first = offsets[t]
+        # Viterbi: score(t, n) = max(score(t-1, n - shift), best(t-1) - jump) + evidence(t, n).
         if t:
             before[:] = score
             best = 0
@@ -164,6 +174,8 @@ def follow_frames(
                 if before[n] > before[best]:
                     best = n
             least = before[best] - jump
+            # The same pace moves a frame by one hop; the window of places moved by the offsets'
+            # difference.
             shift = hop - (first - offsets[t - 1])
             for n in range(count):
                 source = n - shift
@@ -179,6 +191,7 @@ def follow_frames(
             for g in range(soft.shape[1]):
                 total += soft[row, g] * expected[t, g]
             score[n] += total
+    # From the best last place back along the stored predecessors.
     at = 0
     for n in range(count):
         if score[n] > score[at]:

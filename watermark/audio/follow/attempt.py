@@ -161,6 +161,7 @@ class CandidateReader:
         """Decode at a place whose bands have phases of their own."""
         demodulator = self._reader.demodulator(candidate.profile)
         profile, pilots = demodulator.profile, self._pilots
+        # Levels lie in tiers of one pilot step; the rest is an offset that all levels of it share.
         tier = math.log2(candidate.step / profile.pilot_step(0))
         nearest = min(max(round(tier), 0), (len(LEVELS) - 1) // TIER_LEVELS)
         offset = TIER_LEVELS * (tier - nearest)
@@ -169,6 +170,8 @@ class CandidateReader:
         track = Track(position, self._nominal, demodulator, 0.0, equaliser, offset)
         view = self._reader.view(tape, track)
         expected = pilots.expected(candidate.profile)
+        # A filter's phase has a slope (a delay), which moves the position, and a rest, which turns
+        # bands.
         _, delay, phases = path_of(score_phases(view, known, len(pilots.cells.dither)))
         track.position += delay * self._nominal
         view = self._reader.view(tape, track).turned(Equaliser(phases.size, phases).bins)
@@ -176,6 +179,7 @@ class CandidateReader:
         view = self._reader.view(tape, track)
         numbers = range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS)
         levels = [number + offset for number in numbers]
+        # Finally measure phases for each level of the tier and decode, the likeliest first.
         for equaliser, level in likely_phases(demodulator, view, known, levels):
             moved = replace(track, level=level, equaliser=equaliser)
             brief = candidate.significance < SURE_TURNED

@@ -77,6 +77,7 @@ def band_of(cells: Cells) -> NDArray[np.int64]:
 def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     """Score every phase of every band by the cells that lie in it."""
     cells = known.cells
+    # Where bits are unknown, the doubled phase counts: it is the same for both values.
     harmonic = 2 if known.expected is None else 1
     shape = len(view.spectra), cells.dither.size
     weight = np.full(shape, BLIND_TRUST) if known.expected is None else known.expected

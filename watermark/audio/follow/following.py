@@ -108,10 +108,14 @@ class TrackFollower:
         reading = self._reader.complete(tape, track, accepted.reading)
         known = self.track
         if known is not None and known.demodulator is track.demodulator:
+            # How many superframes lie between the tracks, and where the old one's clock puts this
+            # one.
             steps = round((track.position - known.position) / (SUPERFRAME * known.ratio))
             expected = known.ratio * (1 + known.bend) ** steps
             due = known.position + steps * SUPERFRAME * expected
             delay = (track.position - due) / self._nominal
+            # A clock that drifted: keep its bend. Otherwise the old track goes on, with the new
+            # place.
             if abs(track.ratio / expected - 1) > SAME_CLOCK:
                 if abs(delay) <= SAME_PLACE:
                     track.bend = known.bend
@@ -128,6 +132,7 @@ class TrackFollower:
                 )
                 self._reader.nudge(track, delay)
         before = self.past.end()
+        # Superframes before this one, back to the last that was handed out, are read afterwards.
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
         first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
         until = tape.end + LATEST_S * self._fs
@@ -165,6 +170,7 @@ class TrackFollower:
         track, self.doubted = self.track, False
         if track is None:
             return []
+        # A track that is lost already must leave some of the purse to the search.
         kept = LOST if track.misses else 0.0
         raw = self._reader.view(tape, track)
         with self._purse.keeping(kept):
@@ -176,6 +182,8 @@ class TrackFollower:
                 track.bent(expected)
             self._reader.settle_pair(tape, track, reading)
             return self.past.hold([self._deliver(track, reading)])
+        # Not where it is due: a cut may have moved the sound, or another pair of channels carries
+        # it.
         for moved in self._reader.elsewhere(tape, track, raw):
             with self._purse.keeping(max(BESIDE, kept)):
                 if not self._purse.affords(ELSEWHERE):

@@ -120,6 +120,7 @@ class StretchedFollower:
         It is read briefly, as far as the purse pays.
         """
         self._demodulator, purse = track.demodulator, self._reader.purse
+        # Look for pieces around the place where the next superframe would begin at each tempo.
         for tempo in TEMPI:
             if not purse.affords(PIECES_READ):
                 break
@@ -204,6 +205,7 @@ class StretchedFollower:
         first = max(oldest, told + nominal / 2, -HOP * self._nominal)
         past = replace(place)
         affords = self._reader.purse.affords
+        # Backwards superframe by superframe: each start and tempo place the one before it.
         while failed < UNREADABLE and past.position - nominal / past.tempo > first:
             if len(found) == MOST_BACK or not affords(PIECES_READ):
                 break
@@ -215,6 +217,7 @@ class StretchedFollower:
             failed, past.tempo = 0, tempo
             past.position = even_start(places, tempo, self._nominal)
             found.insert(0, self._received(reading, past.position))
+        # Forward reading starts with the tempo that was found here.
         if found:
             place.tempo = place.assumed = past.tempo
         return found

@@ -91,6 +91,7 @@ class Paths:
     ) -> None:
         self.demodulator, self._masker, self._nominal = demodulator, masker, nominal
         self._begin = np.floor(centre[0]) - (REACH + MARGIN) * nominal
+        # Everything below is in samples of the mark, from `_begin`.
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
         count = int(around.max()) + REACH + HOP + MARGIN
         self._sound = tape.read(self._begin, nominal, count).astype(np.float32)
@@ -99,6 +100,7 @@ class Paths:
             self._side = tape.side.read(self._begin, nominal, count).astype(np.float32)
         self._paired = bool(self._side.any())
         self._first = around - REACH
+        # A coarse grid of places; a place between two rows is the sum of both, turned.
         rows = np.arange(self._first.min(), self._first.max() + 2 * REACH + GRID, GRID * TURNS)
         rows = np.append(rows, rows[-1] + GRID * TURNS)
         self._row = int(rows[0])
@@ -107,6 +109,7 @@ class Paths:
         bins = max(cells.last_bin, slots.last_bin)
         spectra = _slide(self._sound[rows[0] :], rows.size, bins)
         units = self._units(frames, rows, bins)
+        # Masking thresholds change slowly: one set serves MASKED samples.
         nearest = np.minimum(np.round((rows - rows[0]) / MASKED).astype(np.int64), len(units) - 1)
         apart = float(GRID * TURNS)
         self._cells = PlaceProjections.of(spectra, units, nearest, apart, cells)
@@ -199,6 +202,7 @@ class Paths:
         profile, frames = self.demodulator.profile, places.size
         own, earlier = (thresholds_of(*self._both(x), self._masker) for x in (at, at - HOP))
         bands = self._masker.units(own, earlier)
+        # Three exact spectra per frame, FINE_REACH apart; delays between them are blended.
         looked_at = (self._chosen(at + far, bands) for far in (-FINE_REACH, 0, FINE_REACH))
         spectra, amplitudes = zip(*looked_at, strict=True)
         units = amplitudes[1]
@@ -212,6 +216,8 @@ class Paths:
             step=frames,
         )
         shape = 2, frames, FINE.size
+        # Unknown bits: how sharply cells lie on the lattice. Known bits: how well their signs
+        # agree.
         if expected is None:
             sums = found.sums([step], self.demodulator.coverage.unknown, FINE)
             fit = sums.reshape(shape).astype(np.float64)
@@ -219,9 +225,11 @@ class Paths:
             soft = found.look_up(step, _cosines(profile.groups), FINE).reshape(*shape, -1)
             fit = np.einsum("ptdg,tg->ptd", soft, expected)
         places, delays = places.copy(), np.concatenate([FINE - FINE_REACH, FINE])
+        # A piece is a run of frames one hop apart: time stretching moves it as a whole.
         cuts = np.flatnonzero(np.diff(places) != HOP) + 1
         for piece in np.split(np.arange(frames), cuts):
             places[piece] += delays[fit[:, piece].sum(axis=1).argmax()]
+        # Read at whole samples; the fraction is a linear phase.
         whole = np.floor(places)
         best, _ = self._chosen(whole.astype(np.int64), bands)
         _kernels.turn_bins(best, places - whole, np.pi / HOP, TURNED_BINS)

@@ -139,12 +139,14 @@ class TrackReader:
                 return self.complete(tape, track, reading)
         if brief:
             return reading
+        # The gain may have returned to the nominal one since the track was found.
         if track.offset:
             nominal = demodulator.likely_levels(as_used(track, raw), track.level - track.offset)
             again = demodulator.read(as_used(track, raw), nominal, due=due, brief=True)
             if again.decoded.l0 is not None:
                 track.offset = 0.0
                 return self.complete(tape, track, again)
+        # A programme below full loudness has more audible bands than the usual view uses.
         if not self.purse.pays(VIEW):
             return reading
         deep = look(tape, track, self._deep)
@@ -154,6 +156,7 @@ class TrackReader:
             again = demodulator.read(view, softer, offset=track.offset, due=due, brief=True)
             if again.decoded.l0 is not None:
                 return self.complete(tape, track, again)
+        # As a last resort, measure the phases anew from this superframe: its pilots are known.
         if turned:
             pilots, profile = make_pilots(self._key), demodulator.profile
             tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)

@@ -102,6 +102,7 @@ def mask(
     bands = energy.shape[0]
     spread_power, root = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     for j in range(bands):
+        # Spread energy of all bands into band j.
         spread_power[:] = np.float32(0)
         for i in range(bands):
             gain, row = spread[i, j], energy[i]
@@ -109,6 +110,8 @@ def mask(
                 spread_power[r] += gain * row[r]
         own, out = energy[j], thresholds[j, hop:]
         for r in range(count):
+            # out = reference * (spread / reference) ** 0.digits: root runs through the powers 1/2,
+            # 1/4, 1/8 ...
             root[r] = min(spread_power[r], cap * own[r]) / reference
             out[r] = reference
         for digit in digits:
@@ -149,10 +152,13 @@ def project(
         x[:], y[:] = nothing, nothing
         living, out = alive[g, first : first + count], projections[g, first:]
         living[:] = one
+        # All parts (bins) of slot g, each in units of its band's threshold; a silent band kills the
+        # slot.
         while p < parts.shape[0] and parts[p, 0] == g:
             now, before = thresholds[parts[p, 1], hop:], thresholds[parts[p, 1]]
             a, b = real[p], imaginary[p]
             for r in range(count):
+                # Pre-echo control: a threshold may grow by no more than `growth` from hop to hop.
                 limited = min(now[r], growth * max(before[r], least))
                 some = limited > 0
                 factor = one / np.sqrt(limited if some else one)

@@ -118,6 +118,7 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     if kind == USUAL:
         gain = usual_gain(sound)
         return ChannelMix(tuple(gain * weight for weight in plain.weights))
+    # Weights of the channels after the first two.
     rest = (0.0,) * (channels - 2)
     if kind == LATE:
         found = _find_skew(sound[:, 0], sound[:, 1])
@@ -129,6 +130,7 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
         fixed[PAIR] = (0.5, 0.5, *rest)
     if has_centre(channels):
         fixed[CENTRE] = (0.0, 0.0, 1.0, *rest[1:])
+    # Residual power against every earlier mix, in phase or inverted: w' C w with C = sound' sound.
     earlier = [plain.weights, *list(fixed.values())[: list(fixed).index(kind)]]
     products = sound.T @ sound
 

@@ -86,11 +86,14 @@ class RotatedSearch:
         if places < PERIOD:
             return []
         scores = np.concatenate([self._scores(projections, alive, step) for step in steps])
+        # Pilots repeat after a period: the mean of both is compared with a single one on one scale.
         paired = scores.copy()
         pairs = PAIR * (scores[:, :-PERIOD] + scores[:, PERIOD:])
         paired[:, :-PERIOD] = np.maximum(scores[:, :-PERIOD], pairs)
         row, place = divmod(int(paired.argmax()), places)
         likely = [(row, place, float(paired[row, place]))]
+        # Evidence of earlier stretches is kept by place modulo the period; the best repetition in
+        # this stretch is where reading begins.
         row, place, significance = evidence.add(scores, round(first / ROW), PERIOD)
         place = max(range(place, places, PERIOD), key=lambda i: float(scores[row, i]))
         if (row, place) != likely[0][:2]:

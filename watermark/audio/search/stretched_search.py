@@ -69,11 +69,14 @@ def find_stretched(key: int, seen: Sight, *, least: float = LEAST) -> StretchedC
     doublings = math.ceil(math.log2(JUMP / (PLACE * BLOCK)))
     penalty = np.int16(round(PENALTY * PARTS))
 
+    # Viterbi over places: a segment begins where the last one ends, or at a price anywhere within
+    # 2 ** doublings blocks.
     def follow(tier: int, profile: AudioProfile, origin: NDArray[np.int32]) -> None:
         signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
         follow_pilots(soft[tier], slots, signs, ROW_HOP, SEGMENT, doublings, penalty, score, origin)
 
     best = None
+    # First pass: scores alone, to choose tier and profile; keeping origins costs memory.
     for tier in range(len(PILOT_STEPS)):
         for profile in PROFILES.values():
             if not profile.levels_of(tier):
@@ -84,6 +87,7 @@ def find_stretched(key: int, seen: Sight, *, least: float = LEAST) -> StretchedC
                 best = highest, tier, profile
     if best is None:
         return None
+    # Second pass for the best one, with origins, then back from the end.
     origin = np.empty((segments, score.size), dtype=np.int32)
     highest, tier, profile = best
     follow(tier, profile, origin)
