@@ -33,6 +33,24 @@ IntArray = NDArray[np.int64]
 
 
 @njit(cache=True)
+def filter_into(sound: FloatArray, taps: FloatArray, step: int, out: FloatArray) -> None:
+    """Weigh the samples from every `step`-th on by each column of taps, the earliest first.
+
+    A product of matrices does the same, but its last digits depend on how many rows it has, on some
+    processors, and so on where a stream was cut.
+
+    sound : (>= (T - 1) * step + samples,); taps : (samples, columns); out : (T, columns).
+    """
+    for t in range(out.shape[0]):
+        row = out[t]
+        row[:] = 0.0
+        for n in range(taps.shape[0]):
+            sample = sound[t * step + n]
+            for c in range(taps.shape[1]):
+                row[c] += sample * taps[n, c]
+
+
+@njit(cache=True)
 def spread_amplitudes_into(
     bands: ComplexArray,
     slope_db: FloatArray,

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from watermark.quality._bank_kernels import filter_into
 from watermark.quality.ear import (
     FS,
     FULL_SCALE_DB,
@@ -175,11 +175,12 @@ class FilterBank:
         clean, self._rejection = sosfilt(_DC_REJECTION, loud, axis=1, zi=self._rejection)
         sound = np.concatenate([self._past, clean], axis=1)
         self._past = sound[:, pair.shape[1] :]
-        windows = sliding_window_view(sound, int(LENGTHS[0]), axis=1)[:, : pair.shape[1] : STEP]
-        windows = windows.transpose(0, 2, 1, 3)
-        out = np.empty((*windows.shape[:3], BANDS), dtype=np.complex128)
+        streams = np.ascontiguousarray(sound.transpose(0, 2, 1))
+        out = np.empty((*streams.shape[:2], pair.shape[1] // STEP, BANDS), dtype=np.complex128)
+        both = np.empty((out.shape[2], 2 * _GROUP))
         for g, (stretch, taps) in enumerate(bank_tables().groups):
             bands = slice(g * _GROUP, (g + 1) * _GROUP)
-            both = windows[..., stretch] @ taps
-            out.real[..., bands], out.imag[..., bands] = both[..., :_GROUP], both[..., _GROUP:]
+            for stream in np.ndindex(*streams.shape[:2]):
+                filter_into(streams[stream][stretch.start :], taps, STEP, both)
+                out[stream][:, bands] = both[:, :_GROUP] + 1j * both[:, _GROUP:]
         return out
