@@ -5,18 +5,34 @@ from numpy.typing import NDArray
 
 from codec.compiled import njit
 
-_SWEEPS = 12
-"""Sweeps of Jacobi's rotations at most; four or five are enough."""
+_ROUNDING = 1e-13
+"""Relative step of Newton's method that is as small as rounding."""
 
 
 @njit(cache=True)
-def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+def _cofactor(m: NDArray[np.float64], i: int, j: int) -> float:
+    """Return a cofactor of a matrix (4, 4)."""
+    a, b, c = int(i < 1), 1 + int(i < 2), 2 + int(i < 3)
+    d, e, f = int(j < 1), 1 + int(j < 2), 2 + int(j < 3)
+    minor = (
+        m[a, d] * (m[b, e] * m[c, f] - m[b, f] * m[c, e])
+        - m[a, e] * (m[b, d] * m[c, f] - m[b, f] * m[c, d])
+        + m[a, f] * (m[b, d] * m[c, e] - m[b, e] * m[c, d])
+    )
+    return float(minor if (i + j) % 2 == 0 else -minor)
+
+
+@njit(cache=True)
+def _turn_of(
+    covariance: NDArray[np.float64], n: NDArray[np.float64], turn: NDArray[np.float64]
+) -> None:
     """Find the rotation (3, 3) that fits a covariance (3, 3) of points with moved points best.
 
-    Horn 1987 (JOSA A 4:629): the eigenvector of the greatest eigenvalue is its quaternion.
+    Horn 1987 (JOSA A 4:629): the eigenvector of the greatest eigenvalue of the matrix `n` (4, 4),
+    which is filled here, is its quaternion. The eigenvalue is the greatest root of the
+    characteristic polynomial (Theobald 2005, Acta Crystallographica A 61:478).
     """
     c = covariance
-    n = np.empty((4, 4))
     n[0, 0] = c[0, 0] + c[1, 1] + c[2, 2]
     n[0, 1], n[0, 2], n[0, 3] = c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0]
     n[1, 1], n[1, 2], n[1, 3] = (c[0, 0] - c[1, 1] - c[2, 2], c[0, 1] + c[1, 0], c[2, 0] + c[0, 2])
@@ -25,45 +41,42 @@ def _turn_of(covariance: NDArray[np.float64], turn: NDArray[np.float64]) -> None
     for i in range(4):
         for j in range(i):
             n[i, j] = n[j, i]
-    # Jacobi's method: each rotation in a plane (i, j) makes n[i, j] zero, and v collects them.
-    v = np.empty((4, 4))
-    for i in range(4):
-        for j in range(4):
-            v[i, j] = 1.0 if i == j else 0.0
-    for _ in range(_SWEEPS):
-        off = 0.0
-        whole = 0.0
-        for i in range(4):
-            whole += n[i, i] ** 2
-            for j in range(i):
-                off += n[i, j] ** 2
-        if off <= 1e-28 * whole:
+    # det(n - x) = x**4 + square x**2 + line x + flat; the sum of the roots is 0, the sum of their
+    # squares -2 square, so none exceeds the start, and Newton's steps fall towards the greatest.
+    square, flat = 0.0, 0.0
+    for i in range(3):
+        for j in range(3):
+            square -= 2.0 * c[i, j] * c[i, j]
+    line = -8.0 * (
+        c[0, 0] * (c[1, 1] * c[2, 2] - c[1, 2] * c[2, 1])
+        - c[0, 1] * (c[1, 0] * c[2, 2] - c[1, 2] * c[2, 0])
+        + c[0, 2] * (c[1, 0] * c[2, 1] - c[1, 1] * c[2, 0])
+    )
+    for j in range(4):
+        flat += n[0, j] * _cofactor(n, 0, j)
+    x = np.sqrt(-1.5 * square)
+    for _ in range(50):
+        slope = (4.0 * x * x + 2.0 * square) * x + line
+        if slope <= 0.0:
             break
-        for i in range(3):
-            for j in range(i + 1, 4):
-                if n[i, j] == 0.0:
-                    continue
-                # The smaller root t = tan(angle) of t**2 + 2 theta t - 1 = 0.
-                theta = (n[j, j] - n[i, i]) / (2.0 * n[i, j])
-                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                if theta < 0.0:
-                    t = -t
-                cosine = 1.0 / np.sqrt(t * t + 1.0)
-                sine = t * cosine
-                for k in range(4):
-                    a, b = n[k, i], n[k, j]
-                    n[k, i], n[k, j] = cosine * a - sine * b, sine * a + cosine * b
-                for k in range(4):
-                    a, b = n[i, k], n[j, k]
-                    n[i, k], n[j, k] = cosine * a - sine * b, sine * a + cosine * b
-                for k in range(4):
-                    a, b = v[k, i], v[k, j]
-                    v[k, i], v[k, j] = cosine * a - sine * b, sine * a + cosine * b
-    best = 0
-    for i in range(1, 4):
-        if n[i, i] > n[best, best]:
-            best = i
-    w, x, y, z = v[0, best], v[1, best], v[2, best], v[3, best]
+        step = (((x * x + square) * x + line) * x + flat) / slope
+        x -= step
+        if step <= _ROUNDING * x:
+            break
+    for i in range(4):
+        n[i, i] -= x
+    # All columns of the adjugate are multiples of the eigenvector; the longest is the surest.
+    best, most = 0, 0.0
+    for i in range(4):
+        own = abs(_cofactor(n, i, i))
+        if own > most:
+            best, most = i, own
+    w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    if most > 0.0:
+        w, x = _cofactor(n, 0, best), _cofactor(n, 1, best)
+        y, z = _cofactor(n, 2, best), _cofactor(n, 3, best)
+        size = np.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w / size, x / size, y / size, z / size
     turn[0, 0], turn[0, 1], turn[0, 2] = (
         1.0 - 2.0 * (y * y + z * z),
         2.0 * (x * y - w * z),
@@ -107,7 +120,7 @@ def shapes_apart_into(
         Root mean square over the fingers' markers.
     """
     n, n_back, n_fingers = len(back), back.shape[1], fingers.shape[1]
-    turn, covariance = np.empty((3, 3)), np.empty((3, 3))
+    turn, covariance, horn = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 4))
     here, there = np.empty(3), np.empty(3)
     kept, keeps = np.empty(n_back, np.bool_), np.empty(n_back, np.bool_)
     apart, ordered = np.empty(n_back), np.empty(n_back)
@@ -138,7 +151,7 @@ def shapes_apart_into(
                                 covariance[i, j] += (still_back[s, k, i] - here[i]) * (
                                     back[t, k, j] - there[j]
                                 )
-                _turn_of(covariance, turn)
+                _turn_of(covariance, horn, turn)
                 if fitted + 1 == rounds:
                     break
                 for k in range(n_back):
