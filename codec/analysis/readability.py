@@ -201,9 +201,9 @@ def keys_shown_at(
     """
     fine = int(max(1, round(_FINE_HZ / rate_hz)))
     at = np.arange(0, max(len(shapes) - 1, 0) + 0.5 / fine, 1 / fine)
-    shapes, placements = (_finer(x, at) for x in (shapes, placements))
-    best = shapes.argmin(axis=1)
-    where = placements.argmin(axis=2)
+    best = _finer(shapes, at).argmin(axis=1)
+    # A place counts where the shape is its own: the nearest one's will do.
+    where = _finer(placements, at, best).argmin(axis=1)
     rate = rate_hz * fine
     found: list[Shown] = []
     groups = _groups(score.keys, options.rest_gap_s)
@@ -218,7 +218,7 @@ def keys_shown_at(
         )
         # Shown: nearest to its shape and its placement, for the longest run within its time.
         own = best[first:last] == key.shape
-        own &= where[first:last, key.shape] == PLACEMENT_NUMBER[key.placement]
+        own &= where[first:last] == PLACEMENT_NUMBER[key.placement]
         begin, length = longest_run(own)
         shown_s = start_s + (first + begin) / rate
         if length:
@@ -227,11 +227,15 @@ def keys_shown_at(
     return found
 
 
-def _finer(values: FloatArray, at: FloatArray) -> FloatArray:
+def _finer(
+    values: FloatArray, at: FloatArray, which: NDArray[np.int64] | None = None
+) -> FloatArray:
+    """Return the values (T, ...) at moments between them, of `which` of the second axis if given."""
     low = np.minimum(at.astype(np.int64), len(values) - 1)
     high = np.minimum(low + 1, len(values) - 1)
-    part = (at - low).reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray(values[low] * (1 - part) + values[high] * part)
+    part = (at - low)[:, None]
+    one, other = (values[i] if which is None else values[i, which] for i in (low, high))
+    return np.asarray(one * (1 - part) + other * part)
 
 
 def _groups(keys: Sequence[Key], rest_gap_s: float) -> list[list[Key]]:

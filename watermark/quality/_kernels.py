@@ -381,50 +381,51 @@ def polyphase_into(
 
 
 @njit(cache=True)
-def count_frame(
+def count_frames(
     features: FloatArray,
     ehs: FloatArray,
-    detection: float,
-    steps: float,
-    settled: bool,
-    audible: bool,
+    detection: FloatArray,
+    steps: FloatArray,
+    settled: NDArray[np.bool_],
+    audible: NDArray[np.bool_],
     disturbed: float,
     sums: FloatArray,
     whole: FloatArray,
 ) -> None:
-    """Add one frame to the averages, see `watermark.quality.movs.MovAverages`."""
-    for c in range(ehs.size):
-        x = features[c]
-        if x[BANDWIDTH_REF] >= 0:
-            sums[BANDWIDTH, c] += x[BANDWIDTH_REF]
-            sums[BANDWIDTH + 1, c] += x[BANDWIDTH_TEST]
-            sums[BANDWIDTH + 2, c] += 1.0
-        sums[NMR, c] += x[NMR_MEAN]
-        if x[NMR_MAX] > disturbed:
-            sums[NMR + 1, c] += 1.0
-        if ehs[c] >= 0:
-            sums[EHS, c] += ehs[c]
-            sums[EHS + 1, c] += 1.0
-        if settled:
-            sums[MODULATION, c] += x[MOD_WEIGHT] * x[MOD_1]
-            sums[MODULATION + 1, c] += x[MOD_WEIGHT] * x[MOD_2]
-            sums[MODULATION + 2, c] += x[MOD_WEIGHT]
-            mean = 0.0
-            for n in range(WINDOW_FRAMES - 1):
-                sums[WINDOW + n, c] = sums[WINDOW + n + 1, c]
-                mean += sums[WINDOW + n, c]
-            sums[WINDOW + WINDOW_FRAMES - 1, c] = math.sqrt(x[MOD_1])
-            mean = (mean + math.sqrt(x[MOD_1])) / WINDOW_FRAMES
-            if not math.isnan(mean):
-                # Fourth power of the mean root over a window of frames.
-                sums[WINDOWED, c] += mean**4
-                sums[WINDOWED + 1, c] += 1.0
-        if settled and audible:
-            sums[NOISE, c] += x[NOISE_LOUDNESS] ** 2
-            sums[NOISE + 1, c] += 1.0
-    whole[SMOOTH_DETECTION] = 0.9 * whole[SMOOTH_DETECTION] + 0.1 * detection
-    whole[LARGEST_DETECTION] = max(whole[LARGEST_DETECTION], whole[SMOOTH_DETECTION])
-    if detection > 0.5:
-        whole[DISTORTED] += steps
-        whole[DISTORTED + 1] += 1.0
-    whole[FRAMES] += 1.0
+    """Add frames to the averages, see `watermark.quality.movs.MovAverages`."""
+    for t in range(steps.size):
+        for c in range(ehs.shape[1]):
+            x = features[t, c]
+            if x[BANDWIDTH_REF] >= 0:
+                sums[BANDWIDTH, c] += x[BANDWIDTH_REF]
+                sums[BANDWIDTH + 1, c] += x[BANDWIDTH_TEST]
+                sums[BANDWIDTH + 2, c] += 1.0
+            sums[NMR, c] += x[NMR_MEAN]
+            if x[NMR_MAX] > disturbed:
+                sums[NMR + 1, c] += 1.0
+            if ehs[t, c] >= 0:
+                sums[EHS, c] += ehs[t, c]
+                sums[EHS + 1, c] += 1.0
+            if settled[t]:
+                sums[MODULATION, c] += x[MOD_WEIGHT] * x[MOD_1]
+                sums[MODULATION + 1, c] += x[MOD_WEIGHT] * x[MOD_2]
+                sums[MODULATION + 2, c] += x[MOD_WEIGHT]
+                mean = 0.0
+                for n in range(WINDOW_FRAMES - 1):
+                    sums[WINDOW + n, c] = sums[WINDOW + n + 1, c]
+                    mean += sums[WINDOW + n, c]
+                sums[WINDOW + WINDOW_FRAMES - 1, c] = math.sqrt(x[MOD_1])
+                mean = (mean + math.sqrt(x[MOD_1])) / WINDOW_FRAMES
+                if not math.isnan(mean):
+                    # Fourth power of the mean root over a window of frames.
+                    sums[WINDOWED, c] += mean**4
+                    sums[WINDOWED + 1, c] += 1.0
+            if settled[t] and audible[t]:
+                sums[NOISE, c] += x[NOISE_LOUDNESS] ** 2
+                sums[NOISE + 1, c] += 1.0
+        whole[SMOOTH_DETECTION] = 0.9 * whole[SMOOTH_DETECTION] + 0.1 * detection[t]
+        whole[LARGEST_DETECTION] = max(whole[LARGEST_DETECTION], whole[SMOOTH_DETECTION])
+        if detection[t] > 0.5:
+            whole[DISTORTED] += steps[t]
+            whole[DISTORTED + 1] += 1.0
+        whole[FRAMES] += 1.0

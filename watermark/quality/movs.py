@@ -76,24 +76,30 @@ class Movs:
 
 @dataclass(slots=True)
 class FrameFeatures:
-    """Features of one frame.
+    """Features of T frames that follow each other.
 
     Attributes
     ----------
-    features : ndarray, shape (channels, 10)
+    features : ndarray, shape (T, channels, 10)
         Columns as in `_kernels`.
-    ehs : ndarray, shape (channels,)
+    ehs : ndarray, shape (T, channels)
         Harmonic structure of the error, -1 where it was not measured.
-    detection : float
+    detection : ndarray, shape (T,)
         Probability that a listener detects a difference, over bands and channels.
-    steps : float
+    steps : ndarray, shape (T,)
         Size of the difference in just noticeable steps.
     """
 
     features: FloatArray
     ehs: FloatArray
-    detection: float
-    steps: float
+    detection: FloatArray
+    steps: FloatArray
+
+    def __getitem__(self, part: slice) -> "FrameFeatures":
+        """Return some of the frames."""
+        return FrameFeatures(
+            self.features[part], self.ehs[part], self.detection[part], self.steps[part]
+        )
 
 
 class MovAverages:
@@ -109,21 +115,23 @@ class MovAverages:
         """Frames that were counted."""
         return int(self._whole[k.FRAMES])
 
-    def add(self, frame: FrameFeatures, *, settled: bool, audible: bool) -> None:
-        """Count one frame.
+    def add(
+        self, frames: FrameFeatures, *, settled: NDArray[np.bool_], audible: NDArray[np.bool_]
+    ) -> None:
+        """Count frames.
 
         Parameters
         ----------
-        frame : FrameFeatures
-            Features of the frame.
-        settled : bool
+        frames : FrameFeatures
+            Features of T frames.
+        settled : ndarray of bool, shape (T,)
             At least half a second has passed, so that modulations may be compared.
-        audible : bool
+        audible : ndarray of bool, shape (T,)
             Both signals have been audible for 50 ms, so that noise loudness may be averaged.
         """
-        k.count_frame(
-            frame.features, frame.ehs, frame.detection, frame.steps, settled, audible, DISTURBED,
-            self._sums, self._whole,
+        k.count_frames(
+            frames.features, frames.ehs, frames.detection, frames.steps, settled, audible,
+            DISTURBED, self._sums, self._whole,
         )  # fmt: skip
 
     def movs(self) -> Movs:

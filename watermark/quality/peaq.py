@@ -8,6 +8,7 @@ not clipped, leading and trailing silence does not count.
 
 import copy
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -202,29 +203,34 @@ class PeaqMeter:
             np.ascontiguousarray(features.transpose(1, 0, 2)),
             np.ascontiguousarray(ehs.T),
         )
-        size = steps.sum(axis=1)
+        frames = FrameFeatures(by_frame, ehs, detection, steps.sum(axis=1))
+        # Silence may be the end, and counts otherwise; a segment ends between two frames.
+        cuts = {0, count, *(1 + np.flatnonzero(active[1:] != active[:-1])).tolist()}
+        if self._segment_frames:
+            cuts |= set(range(-self._frame % self._segment_frames, count, self._segment_frames))
         grades = []
-        for t in range(count):
-            frame = FrameFeatures(by_frame[t], ehs[t], float(detection[t]), float(size[t]))
-            grades += self._count(frame, active=bool(active[t]))
+        for first, last in pairwise(sorted(cuts)):
+            grades += self._count(frames[first:last], active=bool(active[first]))
         return grades
 
-    def _count(self, frame: FrameFeatures, *, active: bool) -> list[PeaqResult]:
-        """Add a frame to the averages; grade the segment that ends with it."""
-        x = frame.features
-        loud = (x[:, _kernels.LOUDNESS_REF] > AUDIBLE_SONE) & (
-            x[:, _kernels.LOUDNESS_TEST] > AUDIBLE_SONE
+    def _count(self, frames: FrameFeatures, *, active: bool) -> list[PeaqResult]:
+        """Add frames to the averages; grade the segment that ends with them."""
+        x, count = frames.features, len(frames.steps)
+        loud = (x[..., _kernels.LOUDNESS_REF] > AUDIBLE_SONE) & (
+            x[..., _kernels.LOUDNESS_TEST] > AUDIBLE_SONE
         )
         if self._audible_from is None and loud.any():
-            self._audible_from = self._frame
-        settled = self._frame >= DELAY_FRAMES
-        audible = (
-            self._audible_from is not None
-            and self._frame >= self._audible_from + AUDIBLE_DELAY_FRAMES
-        )
+            self._audible_from = self._frame + int(loud.any(axis=1).argmax())
+        number = self._frame + np.arange(count)
+        settled = number >= DELAY_FRAMES
+        audible = np.zeros(count, dtype=np.bool_)
+        if self._audible_from is not None:
+            audible = number >= self._audible_from + AUDIBLE_DELAY_FRAMES
         for averages in self._averages.values():
-            averages.add(frame, self._frame, active=active, settled=settled, audible=audible)
-        self._frame += 1
+            averages.add(
+                frames, self._frame, active=active, settled=settled, audible=audible, count=count
+            )
+        self._frame += count
         if not self._segment_frames or self._frame % self._segment_frames:
             return []
         grade = self.grade(SEGMENT)

@@ -6,7 +6,7 @@ extend from the first to the last frame that holds more than silence.
 
 import copy
 from collections.abc import Iterator
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -117,8 +117,8 @@ F = TypeVar("F", contravariant=True)
 class Averages(Protocol[F]):
     """Running sums over frames."""
 
-    def add(self, frame: F, *, settled: bool, audible: bool) -> None:
-        """Count one frame; flags as in `watermark.quality.movs.MovAverages.add`."""
+    def add(self, frame: F, *, settled: Any, audible: Any) -> None:
+        """Count one frame or some; flags as in `watermark.quality.movs.MovAverages.add`."""
 
 
 A = TypeVar("A", bound=Averages)  # type: ignore[type-arg]
@@ -144,12 +144,17 @@ class Bounded(Generic[A]):
         self.start: int | None = None
         self.end = 0
 
-    def add(self, frame: object, index: int, *, active: bool, settled: bool, audible: bool) -> None:
-        """Count frame number `index`; `active` says that it holds more than silence."""
+    def add(
+        self, frame: object, index: int, *, active: bool, settled: Any, audible: Any, count: int = 1
+    ) -> None:
+        """Count frame number `index`; `active` says that it holds more than silence.
+
+        With `count`, frames that follow each other and are all active, or all not.
+        """
         if active:
             self.kept = self._averages
             self.start = index if self.start is None else self.start
-            self.end = index + 1
+            self.end = index + count
         elif self.start is None:
             return
         elif self.kept is self._averages:  # silence may be the end: keep the sums before it

@@ -65,16 +65,18 @@ class DurationTrees:
 
     def predict_us(self, features: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Return durations in microseconds, shape (n,), of features of shape (n, columns)."""
-        trees = np.arange(len(self.feature))
-        node = np.zeros((len(features), len(trees)), dtype=np.uint8)
-        row = np.arange(len(features))[:, None]
+        count, size = self.feature.shape
+        first = size * np.arange(count)
+        row = features.shape[1] * np.arange(len(features))[:, None]
+        node = np.zeros((len(features), count), dtype=np.uint8)
         while True:
-            goes_left = features[row, self.feature[trees, node]] <= self.threshold[trees, node]
-            below = np.where(goes_left, self.left[trees, node], self.right[trees, node])
+            at = first + node
+            goes_left = features.take(row + self.feature.take(at)) <= self.threshold.take(at)
+            below = np.where(goes_left, self.left.take(at), self.right.take(at))
             if np.array_equal(below, node):
                 break
             node = below
-        return np.asarray(self.base_us + self.value[trees, node].sum(axis=1, dtype=np.int64))
+        return np.asarray(self.base_us + self.value.take(at).sum(axis=1, dtype=np.int64))
 
 
 def features(symbols: Sequence[str], rank: NDArray[np.uint8]) -> NDArray[np.uint8]:

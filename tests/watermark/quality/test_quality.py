@@ -299,16 +299,18 @@ def test_loudness_of_the_standard_s_tone_and_of_its_gates() -> None:
 
 def test_frames_are_counted_as_in_python() -> None:
     states = []
-    for count in (_kernels.count_frame, getattr(_kernels.count_frame, "py_func", None)):
+    for count in (_kernels.count_frames, getattr(_kernels.count_frames, "py_func", None)):
         assert count is not None
         rng = np.random.default_rng(3)
         sums, whole = np.zeros((_kernels.SUMS, 2)), np.zeros(_kernels.WHOLE_SUMS)
         sums[_kernels.WINDOW : _kernels.WINDOWED] = np.nan
-        for n in range(12):
-            features = rng.uniform(0, 3, (2, 10))
-            features[:, _kernels.BANDWIDTH_REF] -= 1.0
-            ehs, (detection, steps) = rng.uniform(-1, 1, 2), rng.uniform(0, 1, 2)
-            count(features, ehs, detection, steps, n > 2, n > 4, 1.4, sums, whole)
+        features = rng.uniform(0, 3, (12, 2, 10))
+        features[..., _kernels.BANDWIDTH_REF] -= 1.0
+        ehs, (detection, steps) = rng.uniform(-1, 1, (12, 2)), rng.uniform(0, 1, (2, 12))
+        for part in (slice(0, 5), slice(5, 12)):
+            n = np.arange(12)[part]
+            frames = features[part], ehs[part], detection[part], steps[part]
+            count(*frames, n > 2, n > 4, 1.4, sums, whole)
         states.append((sums, whole))
     np.testing.assert_allclose(states[0][0], states[1][0], rtol=1e-12)
     np.testing.assert_allclose(states[0][1], states[1][1], rtol=1e-12)
