@@ -230,7 +230,7 @@ def keys_shown_at(
 def _finer(
     values: FloatArray, at: FloatArray, which: NDArray[np.int64] | None = None
 ) -> FloatArray:
-    """Return the values (T, ...) at moments between them, of `which` of the second axis if given."""
+    """Return the values (T, ...) at moments between them, of `which` of the second axis if set."""
     low = np.minimum(at.astype(np.int64), len(values) - 1)
     high = np.minimum(low + 1, len(values) - 1)
     part = (at - low)[:, None]
