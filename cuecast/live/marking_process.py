@@ -78,11 +78,15 @@ class MarkingProcess:
         """How it ended, in words."""
         if self._process is None:
             return "ended"
-        self._process.join(1.0)
-        return f"ended ({self._process.exitcode})"
+        self._process.join(0.1)
+        status = self._process.exitcode
+        return "ended" if status is None else f"ended ({status})"
 
-    def close(self) -> None:
-        """End it."""
+    def close(self, wait_s: float = 0.0) -> None:
+        """End it, and wait until it is gone.
+
+        On a busy machine that takes a second: nobody waits for it who has a programme to send.
+        """
         self.channel.close()
         if self._process is None:
             if self._handle >= 0:
@@ -91,7 +95,7 @@ class MarkingProcess:
                 os.close(self._handle)
             return
         self._process.kill()
-        self._process.join(5.0)
+        self._process.join(wait_s)
         self._lines.cancel_join_thread()
         self._lines.close()
 

@@ -26,6 +26,9 @@ _HUNG_S = 2.0
 _HUNG_AGAIN_S = 60.0
 """Seconds after the start of a process before it can be given up for that."""
 
+_GONE_S = 5.0
+"""Longest wait in seconds, at the end, for a process to be gone."""
+
 _KEPT_MESSAGES = ("sound", "pcm", "subtitle", "caption")
 """Kinds of messages that a process which takes over is given again."""
 
@@ -350,6 +353,6 @@ class Worker:
         """End the processes."""
         for one in (self._process, self._standby):
             if one is not None:
-                one.close()
+                one.close(_GONE_S)
         self._process = self._standby = None
         self.state.ready = False

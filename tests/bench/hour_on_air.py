@@ -290,7 +290,7 @@ def packets_of(pieces: list[tuple[float, bytes]]) -> list[tuple[float, bytes]]:
 
 
 def follow(sent: list[tuple[float, bytes]], came: list[tuple[float, bytes]]) -> np.ndarray:
-    """Return the delays of the other streams' packets that came as they were sent, seconds.
+    """Return the delays of the other streams' packets, seconds; NaN for those that did not come.
 
     Packets of a table are the same every 1.6 s: each is sought where it is due, not everywhere.
     """
@@ -299,9 +299,10 @@ def follow(sent: list[tuple[float, bytes]], came: list[tuple[float, bytes]]) -> 
         while at < len(came) and came[at][0] < sent_s + DELAY_S - LATE_S:
             at += 1
         n = at
+        delays.append(np.nan)
         while n < len(came) and came[n][0] < sent_s + DELAY_S + LATE_S:
             if came[n][1] == packet:
-                delays.append(came[n][0] - sent_s)
+                delays[-1] = came[n][0] - sent_s
                 break
             n += 1
     return np.array(delays)
@@ -319,13 +320,21 @@ def report(course: Course, datagrams: list[tuple[float, bytes]]) -> dict[str, An
     found = account(meant, reached, left, course.events)
     sent = others(course.sent)
     delays = follow(sent, others(course.came))
+    missing = np.isnan(delays)
+    at_s = [round(sent[n][0] - course.sent[0][0], 1) for n in np.flatnonzero(missing)]
+    delays = delays[~missing]
     median_s = float(np.median(delays)) if len(delays) else 0.0
     return {
         "programme_s": datagrams[-1][0],
         "datagrams": {"sent": len(course.sent), "lost": course.lost},
         "superframes": superframes(found),
         "unmarked_s": {k: round(v, 2) for k, v in found.unmarked_s.items()},
-        "other_packets": {"sent": len(sent), "missing": len(sent) - len(delays)},
+        "other_packets": {
+            "sent": len(sent),
+            "missing": len(at_s),
+            "missing_at_s": sorted(set(at_s)),
+            "latest_s": float(delays.max() - median_s) if len(delays) else 0.0,
+        },
         "delay_s": median_s,
         "delay_within_40_ms": float(np.mean(np.abs(delays - median_s) < STEP_S)),
         "events": [(e.name, *(round(s, 1) for s in e.span)) for e in course.events],
