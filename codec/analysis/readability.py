@@ -269,5 +269,5 @@ def peak_speed(markers: NDArray[np.floating], rate_hz: float) -> float:
     x = np.asarray(markers, dtype=np.float64)
     if len(x) < 2:
         return 0.0
-    hand = _against_head(x, x[0, _RIGID_FACE])[:, _KNUCKLES]
+    hand = _against_head(x, x[0, _RIGID_FACE], _KNUCKLES)
     return float(np.linalg.norm(np.diff(hand, axis=0), axis=2).max() * rate_hz / 1000.0)
