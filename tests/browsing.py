@@ -17,23 +17,13 @@ ANSWER_S = 60
 """Longest wait for a browser's answer."""
 
 
-class Tab(ABC):
-    """One tab.
-
-    Attributes
-    ----------
-    errors : list of str
-        Exceptions that no script of the page caught.
-    requests : list of str
-        Addresses that the page asked for.
-    """
+class Connection:
+    """A WebSocket to a browser or to one of its tabs."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._socket = socket
         self._serial = 0
         self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
-        self.errors: list[str] = []
-        self.requests: list[str] = []
         self._reader = asyncio.create_task(self._read())
 
     async def _read(self) -> None:
@@ -55,6 +45,26 @@ class Tab(ABC):
         assert "error" not in document, document
         return dict(document["result"])
 
+    def _note(self, event: str, params: dict[str, Any]) -> None:
+        """Take an event of the browser."""
+
+
+class Tab(Connection, ABC):
+    """One tab.
+
+    Attributes
+    ----------
+    errors : list of str
+        Exceptions that no script of the page caught.
+    requests : list of str
+        Addresses that the page asked for.
+    """
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        super().__init__(socket)
+        self.errors: list[str] = []
+        self.requests: list[str] = []
+
     async def until(self, expression: str, timeout_s: float = 30) -> Any:
         """Wait until an expression is truthy; fail with the page's errors."""
         deadline = asyncio.get_running_loop().time() + timeout_s
@@ -65,10 +75,6 @@ class Tab(ABC):
             waited = asyncio.get_running_loop().time() > deadline
             assert not waited, f"{expression} stayed {value!r}; {self.errors}"
             await asyncio.sleep(0.05)
-
-    @abstractmethod
-    def _note(self, event: str, params: dict[str, Any]) -> None:
-        """Take an event of the browser."""
 
     @abstractmethod
     async def evaluate(self, expression: str) -> Any:

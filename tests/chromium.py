@@ -1,8 +1,12 @@
 """A headless Chromium driven over the DevTools protocol."""
 
+import atexit
 import base64
 import contextlib
 import shutil
+import subprocess
+import tempfile
+import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +14,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.browsing import Tab, running
+from tests.browsing import Connection, Tab
 
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -21,8 +25,14 @@ FLAGS = (
 )  # fmt: skip
 
 
+MARK = b"DevTools listening on ws://"
+"""What Chromium writes before the address at which it listens."""
+
+
 class Page(Tab):
     """One tab of Chromium."""
+
+    context = ""
 
     def _note(self, event: str, params: dict[str, Any]) -> None:
         if event == "Runtime.exceptionThrown":
@@ -66,7 +76,10 @@ class Page(Tab):
 
     async def hide(self) -> None:
         """Put another tab before this one."""
-        self._other = (await self.call("Target.createTarget", url="about:blank"))["targetId"]
+        found = await self.call(
+            "Target.createTarget", url="about:blank", browserContextId=self.context
+        )
+        self._other = found["targetId"]
         await self.call("Target.activateTarget", targetId=self._other)
 
     async def show(self) -> None:
@@ -75,27 +88,77 @@ class Page(Tab):
         await self.call("Page.bringToFront")
 
 
-@contextlib.asynccontextmanager
-async def browse(address: str, width: int = 1280, height: int = 720) -> AsyncIterator[Page]:
-    """Open `address` in a new browser with a profile of its own; skip if there is none."""
+class _Browser:
+    """The one browser of this process: starting one takes longer than most tests of a page."""
+
+    def __init__(self, program: str) -> None:
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        flags = (*FLAGS, f"--user-data-dir={self._profile.name}", "about:blank")
+        self.process = subprocess.Popen(
+            [program, *flags],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        atexit.register(self.end)
+        self.address = ""
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            if MARK in line:
+                self.address = line.split(MARK)[1].split(b"/")[0].strip().decode()
+                break
+        assert self.address, "the browser ended before it listened"
+        threading.Thread(target=self.process.stderr.read, daemon=True).start()
+
+    def end(self) -> None:
+        """Stop it and forget its profile."""
+        self.process.terminate()
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._profile.cleanup()
+
+
+_started: list[_Browser] = []
+
+
+def _browser() -> _Browser:
     program = shutil.which("chromium") or shutil.which("chromium-browser")
     if program is None:
         pytest.skip("no chromium on this machine: the page cannot be tried")
-    flags = (*FLAGS, f"--window-size={width},{height}", "about:blank")
-    mark = b"DevTools listening on ws://"
-    async with (
-        running(program, *flags, mark=mark, profile="--user-data-dir={}") as listening,
-        aiohttp.ClientSession() as session,
-    ):
-        async with session.get(f"http://{listening}/json") as answer:
-            tabs = await answer.json()
-        target = next(tab for tab in tabs if tab["type"] == "page")
-        async with session.ws_connect(
-            target["webSocketDebuggerUrl"], max_msg_size=0, heartbeat=None
-        ) as socket:
-            page = Page(socket)
-            for domain in ("Runtime", "Page", "Network"):
-                await page.call(f"{domain}.enable")
-            await page.resize(width, height)
-            await page.call("Page.navigate", url=address)
-            yield page
+    if not _started or _started[-1].process.poll() is not None:
+        _started.append(_Browser(program))
+    return _started[-1]
+
+
+@contextlib.asynccontextmanager
+async def browse(address: str, width: int = 1280, height: int = 720) -> AsyncIterator[Page]:
+    """Open `address` in a tab with cookies and settings of its own; skip if there is no browser."""
+    listening = _browser().address
+    async with aiohttp.ClientSession() as session:
+        async with session.get(f"http://{listening}/json/version") as answer:
+            whole = (await answer.json())["webSocketDebuggerUrl"]
+        async with session.ws_connect(whole, max_msg_size=0, heartbeat=None) as control:
+            browser = Connection(control)
+            context = (await browser.call("Target.createBrowserContext"))["browserContextId"]
+            target = await browser.call(
+                "Target.createTarget",
+                url="about:blank",
+                browserContextId=context,
+                width=width,
+                height=height,
+            )
+            tab = f"ws://{listening}/devtools/page/{target['targetId']}"
+            try:
+                async with session.ws_connect(tab, max_msg_size=0, heartbeat=None) as socket:
+                    page = Page(socket)
+                    page.context = context
+                    for domain in ("Runtime", "Page", "Network"):
+                        await page.call(f"{domain}.enable")
+                    await page.resize(width, height)
+                    await page.call("Page.navigate", url=address)
+                    yield page
+            finally:
+                await browser.call("Target.disposeBrowserContext", browserContextId=context)
