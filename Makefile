@@ -103,10 +103,11 @@ bench: $(VENV)/installed
 clean:
 	rm -rf $(VENV) $(RELEASE) node_modules site $(OUT) .mypy_cache .pytest_cache .ruff_cache .benchmarks
 
+# Python compiles what is imported then: compiling all that is installed took longer than unpacking it.
 $(VENV)/installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable ".[c3d]" --group dev
+	$(BIN)/python -m pip install --quiet --no-compile --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --no-compile --editable ".[c3d]" --group dev
 	touch $@
 
 # ESLint and TypeScript look over the television's page; node itself comes by pip.
