@@ -25,8 +25,8 @@ from codec.errors import CueError
 from cuecast.demo.content import FS, make_sound
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.drawing import Dot, draw_dots
-from cuecast.evaluate.options import EvaluateOptions
-from cuecast.evaluate.sound_channels import CUT_S, Channel, Sound, find_channel
+from cuecast.evaluate.options import EvaluateOptions, whole_channels
+from cuecast.evaluate.sound_channels import CHANNELS, CUT_S, Channel, Sound, find_channel
 from cuecast.evaluate.tables import wilson_interval
 from receiver.media.sound import read_sound
 from watermark import quality
@@ -396,7 +396,7 @@ def evaluate(options: EvaluateOptions) -> list[dict[str, Any]]:
     clips = _sounds_of(options.clips) if options.clips else [_built_in(options.folder)]
     rows = evaluate_audio(
         clips,
-        options.channels or USUAL,
+        whole_channels(options.channels or USUAL, CHANNELS),
         starts=0 if options.after_s else 8,
         seed=options.seed,
         after_s=options.after_s,

@@ -1,6 +1,6 @@
 """Options of every kind of evaluation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,3 +44,30 @@ class EvaluateOptions:
     jobs: int = 1
     voice: str = "claire"
     after_s: float = 0.0
+
+
+def whole_channels(parts: Iterable[str], known: Collection[str]) -> list[str]:
+    """Join the names of channels that were split at commas between the coders they name.
+
+    Parameters
+    ----------
+    parts : iterable of str
+        Pieces between commas.
+    known : collection of str
+        Names of channels, with which each whole name ends.
+
+    Examples
+    --------
+    >>> whole_channels(["none", "standard+h264:2000k", "hqdn3d+h264:2000k:none"], {"none"})
+    ['none', 'standard+h264:2000k,hqdn3d+h264:2000k:none']
+    """
+    names: list[str] = []
+    begun = False
+    for part in parts:
+        if begun:
+            names[-1] += f",{part}"
+        else:
+            names.append(part)
+        profile, _, channel = names[-1].rpartition(":")
+        begun = "+" in (profile or channel) and channel not in known
+    return names

@@ -19,8 +19,9 @@ import numpy as np
 from codec.errors import CueError
 from cuecast.dubbing.picture_coder import picture_channels
 from cuecast.evaluate.drawing import Dot, draw_dots
-from cuecast.evaluate.options import EvaluateOptions
+from cuecast.evaluate.options import EvaluateOptions, whole_channels
 from cuecast.evaluate.picture_channels import (
+    CHANNELS,
     LONGEST_TUNE_IN_S,
     LateReceivers,
     Luma,
@@ -142,7 +143,7 @@ def _by_profile(channels: Iterable[str]) -> dict[str, list[str]]:
     {'standard': ['h264-2M', 'none'], 'robust': ['h264-1M']}
     """
     groups: dict[str, list[str]] = {}
-    for name in channels:
+    for name in whole_channels(channels, CHANNELS):
         profile, colon, channel = name.rpartition(":")
         groups.setdefault(profile if colon else "standard", []).append(channel)
     return groups
