@@ -36,6 +36,13 @@ _ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
 }
 """Encoder, its options and the decoder of each name."""
 
+SMALL_LINES, SMALL_RATE = 360, 4_000_000
+"""Lines and bits per second of the small picture in MPEG-2 that the mark is tried on without a
+choice: what many sets in standard definition get of a larger programme."""
+
+MPEG2_RATES = (24, 25, 30, 50, 60)
+"""Whole frame rates that MPEG-2 has (ISO/IEC 13818-2, table 6-4)."""
+
 CLEANER = "hqdn3d"
 """Name of the cleaner of noise."""
 
@@ -135,6 +142,30 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
     return {"maxrate": str(rate), "bufsize": str(rate)}
 
 
+class _SmallPicture:
+    """Shrink a picture of this depth to `SMALL_LINES` lines of 8 bits."""
+
+    def __init__(self, width: int, height: int, depth: int) -> None:
+        self.size = 2 * round(SMALL_LINES * width / height / 2), SMALL_LINES
+        self._shift = depth - 8
+
+    def process(self, luma: Luma) -> list[Luma]:
+        even = luma[: luma.shape[0] // 2 * 2, : luma.shape[1] // 2 * 2] >> self._shift
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(even, np.uint8), format="gray")
+        return [luma_of(frame.reformat(*self.size, interpolation="BICUBIC")).copy()]
+
+    def flush(self) -> list[Luma]:
+        return []
+
+
+def _small_mpeg2(width: int, height: int, fps: Fraction, depth: int) -> PictureCoder:
+    """Return the way to a set in standard definition, at as many bits a frame as it gets."""
+    small = _SmallPicture(width, height, depth)
+    rate = min(MPEG2_RATES, key=lambda rate: abs(rate - fps))
+    coder = f"mpeg2:{round(SMALL_RATE * rate / fps / 1000)}k"
+    return _PictureChain([small, PictureStream(coder, *small.size, Fraction(rate), 8)])
+
+
 class _PictureChain:
     """Streams in a row."""
 
@@ -164,8 +195,8 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
-        `USUAL_BITS_PER_PIXEL`, without the widest step, and in small pictures with no strength
-        below that of ``none``: MPEG-2 leaves less of them.
+        `USUAL_BITS_PER_PIXEL` and, for L0 alone, MPEG-2 at `SMALL_LINES`, both without the widest
+        step. Small pictures have no strength below that of ``none`` instead of the latter.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -200,4 +231,6 @@ def picture_channels(
         widest = 1 if through is None else 2
         firm = through is None and has_small_cells((height, width))
         channels.append(TriedChannel(_PictureChain(streams), whole, widest, firm))
+    if through is None and not has_small_cells((height, width)):
+        channels.append(TriedChannel(_small_mpeg2(width, height, fps, depth), False, 1))
     return channels

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from watermark.video.lattices import pilot_waves
 from watermark.video.layout import common_pilots
 from watermark.video.modes import PilotWatch
-from watermark.video.profile import FADE
+from watermark.video.profile import FADE, TEXTURE
 from watermark.video.timing import Timing
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,12 @@ TRUST = 4.0
 as many frames cost four times as much. The position so far rests on windows and on earlier
 borders, and a border may be seen late: coders show a weak new pattern from their next good picture
 on."""
+
+
+LEADERS, FLAT_WEIGHT = 12, 0.1
+"""Pilots in textured cells from which on those in flat ones count so little: coders and cleaners
+show a new pattern in flat cells late. Of .1 to 1 the best on two films through H.264, HEVC, AV1
+and `hqdn3d`; three others agreed, and two with four pilots in texture were better without."""
 
 
 class BorderClock:
@@ -94,9 +100,13 @@ class BorderClock:
             Textures of their cells.
         """
         places = values[:, self._common] / self._step - self._dither
+        texture = texture[self._common]
+        textured = texture > TEXTURE
+        weights = np.where(textured | (textured.sum() < LEADERS), 1.0, FLAT_WEIGHT)
+        signs = self._signs * weights / weights.sum()
         for n, place in enumerate(places):
-            waves = pilot_waves(place, texture[self._common])
-            self._samples.append((first + n + 0.5, float(np.mean(self._signs * waves))))
+            waves = pilot_waves(place, texture)
+            self._samples.append((first + n + 0.5, float(signs @ waves)))
 
     def correction(self, position: float, *, trust: float = TRUST) -> float:
         """Return the delay in frames of a superframe that starts at frame `position`.

@@ -122,9 +122,7 @@ class PictureLoop:
     ) -> None:
         self._profile, self._modes, self._grid = profile, modes, grid
         self._writer = PatternWriter(grid.shape, depth, timing)
-        self._trials = [
-            CoderTrial(channel.coder, modes, grid.shape, timing) for channel in channels
-        ]
+        self._trials = [CoderTrial(channel.coder, modes, timing) for channel in channels]
         self._channels = channels
         self._places: deque[int] = deque()
 
@@ -179,7 +177,16 @@ class PictureLoop:
             costs = self._costs(finding)
             strong = costs >= costs[STRENGTHS.index(fixed)]
             enough &= self._enough(finding, channel, place, strong) & (strong | (not channel.firm))
-        return STRENGTHS[int(np.where(enough, costs, np.inf).argmin()) if enough.any() else -1]
+        if not enough.any():
+            enough[
+                np.flatnonzero(self._allowed(min(each.widest for each in self._channels)))[-1]
+            ] = True
+        return STRENGTHS[int(np.where(enough, costs, np.inf).argmin())]
+
+    @staticmethod
+    def _allowed(widest: int) -> NDArray[np.bool_]:
+        """Which strengths have no step beyond the widest."""
+        return np.array([strength.rung <= widest for strength in STRENGTHS])
 
     def _costs(self, finding: TrialFinding) -> FloatArray:
         """Mean square of the pattern at each strength, up to a factor."""
@@ -205,7 +212,7 @@ class PictureLoop:
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
         margin = OPENING_MARGIN if place == 0 else MARGIN
         bits = np.array([finding.at(strength) for strength in STRENGTHS])
-        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        allowed = self._allowed(channel.widest)
         bits = np.where(allowed, bits, 0.0)
         if channel.whole:
             rate = max(first, second)

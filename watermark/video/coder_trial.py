@@ -93,8 +93,6 @@ class CoderTrial:
     coder : PictureCoder
     modes : sequence of Mode
         The profile's, one for each step.
-    shape : tuple of int
-        Height and width of the picture.
     timing : Timing
         Frame rate.
 
@@ -104,11 +102,9 @@ class CoderTrial:
         Of the next superframes; None where the coder gave no picture back.
     """
 
-    def __init__(
-        self, coder: PictureCoder, modes: Sequence[Mode], shape: tuple[int, int], timing: Timing
-    ) -> None:
+    def __init__(self, coder: PictureCoder, modes: Sequence[Mode], timing: Timing) -> None:
         self._coder, self._modes, self._timing = coder, modes, timing
-        self._grid = Grid(shape[1], shape[0])
+        self._grid: Grid | None = None  # known with the first decoded frame: a coder may shrink
         self._received = 0
         self._values: list[FloatArray] = []
         self._textures: list[FloatArray] = []
@@ -131,12 +127,13 @@ class CoderTrial:
 
     def _take(self, decoded: list[Luma]) -> None:
         for luma in decoded:
+            grid = self._grid = self._grid or Grid(luma.shape[1], luma.shape[0])
             if self._waiting:
                 start = self._timing.window_start(self._waiting[0][0].place)
                 if start <= self._received < start + self._timing.window:
-                    self._values.append(self._grid.project(luma).reshape(-1))
+                    self._values.append(grid.project(luma).reshape(-1))
                     if self._received % TEXTURE_EVERY == 0:
-                        self._textures.append(self._grid.texture(luma).reshape(-1))
+                        self._textures.append(grid.texture(luma).reshape(-1))
                 if self._received == start + self._timing.window - 1:
                     self.findings.append(self._measured(*self._waiting.popleft()))
                     self._values.clear()

@@ -57,8 +57,19 @@ def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPa
     )
     picture_channels(None, 1280, 720, RATE, 8)
     picture_channels(None, 1280, 720, RATE, 8, most_bps=900_000)
-    assert made == ["h264:2000k", "h264:900k"]
+    assert [coder for coder in made if "h264" in coder] == ["h264:2000k", "h264:900k"]
     assert picture_channels("none", 320, 180, RATE, 8) == []
+
+
+@pytest.mark.parametrize("rate", [Fraction(25), Fraction(2997, 125), Fraction(12), Fraction(120)])
+def test_larger_pictures_are_tried_in_standard_definition(rate: Fraction) -> None:
+    assert len(picture_channels(None, 640, 360, rate, 8)) == 1
+    _, small = picture_channels(None, 961, 541, rate, 10)
+    assert not small.whole
+    assert small.widest == 1
+    sent = frames(8, 961, 541, 10)
+    decoded = [out for frame in sent for out in small.coder.process(frame)] + small.coder.flush()
+    assert [frame.shape for frame in decoded] == [(360, 640)] * 8
 
 
 def test_cleaner_spares_what_stands_out() -> None:

@@ -36,6 +36,20 @@ def test_late_borders_are_found() -> None:
         assert clock.correction(0.0) == 0.0
 
 
+def test_textured_cells_lead() -> None:
+    texture = np.where(np.arange(PILOTS) % 3, 0.0, 3.0)
+    layout, step = WATCH.modes[0].layout, WATCH.modes[0].pilot_step
+    spread = np.where(texture > 0, 3, 1)
+    dither = layout.dither[WATCH.positions]
+    even, odd = (step * (dither + spread * (layout.pilot_bits ^ p) / 2) for p in (0, 1))
+    times = np.arange(3, 28) + 0.5
+    middle = TIMING.span + np.where(texture > 0, 0.0, 2.0)
+    weights = np.clip((times[:, None] - middle) / 4 + 0.5, 0, 1)
+    clock = BorderClock(TIMING, WATCH)
+    clock.add(3, (1 - weights) * even + weights * odd, texture)
+    assert abs(clock.correction(0.0, trust=0.0)) < 0.5
+
+
 def test_noise_moves_nothing() -> None:
     moved = 0
     for seed in range(20):

@@ -98,6 +98,12 @@ def test_widest_step_only_where_it_may_be_taken() -> None:
     assert report.steps[2] == 0
 
 
+def test_no_step_beyond_the_widest_where_nothing_suffices_for_all() -> None:
+    narrow = TriedChannel(Spoiler(0.0), widest=0)
+    _, report = marked_for(narrow, TriedChannel(Spoiler(40.0), whole=False, widest=1))
+    assert report.steps[1:] == (0, 0)
+
+
 def test_worst_of_several_channels_counts() -> None:
     _, one = marked_for(TriedChannel(Spoiler(0.3)))
     _, both = marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Spoiler(0.3)))
