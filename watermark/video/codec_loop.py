@@ -73,6 +73,8 @@ class TriedChannel:
     firm : bool
         Whether no strength below that without a trial is taken: for a coder that stands for
         unknown ones, which may leave less.
+    l0_margin : float
+        Information of L0 that is enough, in units of its own and its check's bits.
 
     Examples
     --------
@@ -90,6 +92,7 @@ class TriedChannel:
     whole: bool = True
     widest: int = len(STEPS) - 1
     firm: bool = False
+    l0_margin: float = L0_MARGIN
 
 
 class PictureLoop:
@@ -221,7 +224,7 @@ class PictureLoop:
                 return np.asarray(enough)
             if bits.max() >= HOPELESS * rate:
                 return np.asarray(bits >= NEARLY * bits.max())
-        enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
+        enough = (bits >= channel.l0_margin * first) & (strong | (not channel.whole))
         if not enough.any():
             enough[np.flatnonzero(allowed)[-1]] = True
         return np.asarray(enough)
