@@ -42,7 +42,8 @@ choice: what many sets in standard definition get of a larger programme."""
 
 SMALL_MARGIN = 1.9
 """Information of L0 that is enough there, in units of its bits: on a drawn film and on the sea in
-grey none was lost (4 of 12 without this trial), at .15 to .5 of VMAF; 2.5 would cost as much again."""
+grey none was lost (4 of 12 without this trial), at .15 to .5 of VMAF; 2.5 would cost .15 to .3
+more."""
 
 MPEG2_RATES = (24, 25, 30, 50, 60)
 """Whole frame rates that MPEG-2 has (ISO/IEC 13818-2, table 6-4)."""
