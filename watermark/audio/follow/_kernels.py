@@ -10,6 +10,16 @@ from codec.compiled import njit
 from watermark.audio.signal._kernels import cosine_of_turns
 
 
+@njit(cache=True)
+def cut_frames(
+    sound: NDArray[np.float64], starts: NDArray[np.int64], frames: NDArray[np.float32]
+) -> None:
+    """frames[t] = sound from starts[t] on."""
+    for t in range(frames.shape[0]):
+        for i in range(frames.shape[1]):
+            frames[t, i] = sound[starts[t] + i]
+
+
 @njit(cache=True, fastmath={"contract"})
 def turn_bins(
     spectra: NDArray[np.complex64], delays: NDArray[np.float64], pace: float, bins: int

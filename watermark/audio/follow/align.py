@@ -14,7 +14,7 @@ from watermark.audio.signal.channel_choice import ChannelChoice
 from watermark.audio.signal.dither import soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
-from watermark.audio.signal.mdct import analyse, frames_of
+from watermark.audio.signal.mdct import analyse
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, PROFILES, SUPERFRAME
 from watermark.audio.signal.required_level import coder_noise
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
@@ -194,14 +194,18 @@ def _spectra(
         begin = first + number * HOP * ratio
         whole = np.round(begin).astype(np.int64)
         delays += begin - whole
-        sound = tape.read(int(whole[0]), 1.0, int(whole[-1] - whole[0]) + 2 * HOP)
-        windows = np.lib.stride_tricks.sliding_window_view(sound.astype(np.float32), 2 * HOP)
-        frames = windows[whole - whole[0]]
+        starts = whole - whole[0]
+        sound = tape.read(int(whole[0]), 1.0, int(starts[-1]) + 2 * HOP)
     else:
-        frames = frames_of(tape.read(first, ratio, SUPERFRAME + 2 * HOP).astype(np.float32), HOP)
+        starts = number * HOP
+        sound = tape.read(first, ratio, SUPERFRAME + 2 * HOP)
+    if not sound.any():
+        return np.zeros((number.size, HOP), dtype=np.complex64)
+    from watermark.audio.follow import _kernels
+
+    frames = np.empty((number.size, 2 * HOP), dtype=np.float32)
+    _kernels.cut_frames(sound, starts, frames)
     spectra: NDArray[np.complex64] = analyse(frames, HOP)
     if delays.any():
-        from watermark.audio.follow import _kernels
-
         _kernels.turn_bins(spectra, delays, np.pi / HOP, TURNED_BINS)
     return spectra

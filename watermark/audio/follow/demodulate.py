@@ -219,7 +219,10 @@ class Demodulator:
         return SuperframeReading(view, level, clues, soft, llr, decoded)
 
     def _settle(self, reading: SuperframeReading) -> SuperframeReading:
-        """Move to the level at which the decoded bits fit best: L0 survives a wrong one."""
+        """Move to the level at which the decoded bits fit best: L0 survives a wrong one.
+
+        There it is decoded again only if L1 is missing.
+        """
         expected = self.expected(reading.decoded)
 
         def soft(level: float) -> NDArray[np.float64]:
@@ -232,6 +235,9 @@ class Demodulator:
         if best == reading.level:
             return reading
         ratios = soft(best) * self._local(soft(best), expected)
+        if reading.decoded.l1 is not None:
+            llr = self.layout.gather(ratios)
+            return replace(reading, level=best, soft=soft(best), llr=llr)
         again = self._read_at(reading.view, reading.clues, best, ratios, LIST_SIZE)
         return reading if again.decoded.l0 is None else again
 
