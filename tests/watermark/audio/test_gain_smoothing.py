@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from watermark.audio.embed.gain_smoothing import MOST_SOFTENED, SOFTENED, GainSmoothing, Moments
-from watermark.audio.embed.level_control import LevelControl
+from watermark.audio.embed.level_control import TOLERATED, LevelControl
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, SUPERFRAME
 
 FRAMES = 4 * FRAMES_PER_SUPERFRAME
@@ -88,3 +88,14 @@ def test_relief_is_for_rehearsed_passages_without_grade(
     monkeypatch.setattr(Moments, "gains", lambda _, __, frames: np.full(frames, 0.5))
     control = LevelControl(wanted, 1, quiet=rehearsed)
     assert control.settle(partial(Heard, False)).relief is None
+
+
+def test_a_grade_far_too_low_takes_levels_back() -> None:
+    """At a small deficit superframes keep their levels; beyond it the grade counts."""
+    control = LevelControl(-0.42, 1, quiet=True)
+    passage = control._passage
+    passage.maturity = 1.0
+    passage.last = -0.42 - TOLERATED
+    assert 0 < control.overdrawn < 0.6
+    passage.last -= 0.1
+    assert control.overdrawn > 5

@@ -93,6 +93,11 @@ OVERDRAWN = 3.0
 """Factor of a passage's deficit to the lowest grade that is taken from superframes that stand out:
 with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
 
+TOLERATED, GIVEN_UP = 0.05, 20.0
+"""Deficit up to which that is all, and the factor of what lies beyond: where a coder leaves too
+little at any level, as AAC at 64 kbit/s of speech, superframes failed all the same and the grade of
+a minute was -0.65; so it is -0.51."""
+
 
 SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
@@ -276,7 +281,8 @@ class LevelControl:
         """Levels by which the passage stands too high for the lowest grade, 0 if it does not."""
         last = self._passage.last
         short = 0.0 if last is None else max(self._wanted - last, 0.0)
-        return OVERDRAWN * self._passage.maturity * short / GRADES_PER_LEVEL
+        given = OVERDRAWN * short + GIVEN_UP * max(short - TOLERATED, 0.0)
+        return self._passage.maturity * given / GRADES_PER_LEVEL
 
     def lack(self, enough: float) -> float:
         """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
