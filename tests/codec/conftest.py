@@ -1,6 +1,8 @@
 """Fixtures of the models' tests: a toy cuer and a voice fitted to it once."""
 
+import fcntl
 import importlib.util
+import os
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 from codec.cuer.motion import Motion
-from codec.cuer.voice import Voice
+from codec.cuer.voice import Voice, load_voice, save_voice
 from codec.cues.score import Score
 from codec.cues.timeline import TICKS
 from codec.superframe.coding import coding_for
@@ -31,9 +33,18 @@ def toy() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
-def toy_voice(toy: ModuleType) -> Voice:
-    training = toy.training_set(seed=1, frames=1500)
-    return fit_voice("toy", hand=training, face=training, joint=training)
+def toy_voice(toy: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Voice:
+    """The voice of the toy cuer: the first worker that needs it fits it for all of them."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    path = folder / "toy.npz"
+    with (folder / "toy.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            training = toy.training_set(seed=1, frames=1500)
+            save_voice(fit_voice("toy", hand=training, face=training, joint=training), path)
+    return load_voice(path)
 
 
 @pytest.fixture(scope="session")
