@@ -248,3 +248,24 @@ def test_kernels_are_compiled_in_one_way() -> None:
             if path != ROOT / "codec" / "compiled.py":
                 found = {name.split(".")[0] for name, _ in taken(path)}
                 assert "numba" not in found or path.name == "cache.py", f"{path} imports numba"
+
+
+def test_inner_kernels_are_called_by_kernels_alone() -> None:
+    """They have no way in from Python: a call from there would end the process."""
+    places = [*MAY_IMPORT, "tests"]
+    trees = {path: tree_of(path) for place in places for path in (ROOT / place).rglob("*.py")}
+    inner = {
+        node.name
+        for path, tree in trees.items()
+        if path.stem.endswith("_kernels")
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+        and any("inner=True" in ast.unparse(one) for one in node.decorator_list)
+    }
+    for path, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and "_kernels" in ast.unparse(node.value):
+                assert node.attr not in inner, f"{path} calls {node.attr}"
+            if isinstance(node, ast.ImportFrom) and "_kernels" in (node.module or ""):
+                own = path.stem.endswith("_kernels")
+                assert own or not inner & {one.name for one in node.names}, path

@@ -22,7 +22,7 @@ def _cofactor(m: NDArray[np.float64], i: int, j: int) -> float:
     return float(minor if (i + j) % 2 == 0 else -minor)
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _turn_of(
     covariance: NDArray[np.float64], n: NDArray[np.float64], turn: NDArray[np.float64]
 ) -> None:

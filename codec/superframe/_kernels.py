@@ -28,7 +28,7 @@ ESCAPE = 15
 MAX_PREFIX = 20
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _carry(out: NDArray[np.uint8], length: int) -> None:
     """Add one to the number in ``out[:length]``."""
     i = length - 1
@@ -95,7 +95,7 @@ def start_decoding(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
     state[CODE] = min(state[CODE], MASK - 1)
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _next_byte(data: NDArray[np.uint8], state: NDArray[np.int64]) -> None:
     position = state[POSITION]
     state[CODE] <<= 8
@@ -151,7 +151,7 @@ def coefficient_class(scale: int, step: int) -> tuple[int, int]:
     return ratio - 4 * shift, shift
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _context(q: NDArray[np.int64], before: NDArray[np.int64], i: int, shift: int) -> int:
     """Return 0..3 from the magnitudes of up to three coefficients coded before number ``i``."""
     activity = 0
@@ -215,7 +215,7 @@ def encode_coefficients(
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _decode_magnitude(
     data: NDArray[np.uint8],
     state: NDArray[np.int64],
@@ -336,7 +336,7 @@ def count_coefficients(
             cell[1] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _cost(magnitude: int, cost: NDArray[np.float64], shift: int) -> float:
     """Return the bits of a magnitude with its sign; ``cost`` are those of the symbols."""
     high = magnitude >> shift
@@ -483,7 +483,7 @@ def descend(
     return changed
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _value(index: int, kind: int, shift: int, width: float, points: NDArray[np.int64]) -> float:
     """Return the value in mm of an index."""
     magnitude = abs(index)

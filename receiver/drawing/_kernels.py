@@ -106,7 +106,7 @@ def draw_triangles(
             show(pixels[row], mixed[row], samples[row], picture[top + row])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def mix(
     n: int,
     members: IntArray,
@@ -140,7 +140,7 @@ def mix(
                 samples[row, x, s, 3] += alpha * (_ONE - samples[row, x, s, 3])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def show(
     pixels: FloatArray, mixed: NDArray[np.bool_], samples: FloatArray, line: NDArray[np.uint8]
 ) -> None:

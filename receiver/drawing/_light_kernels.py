@@ -35,7 +35,7 @@ def add_normals(points: FloatArray, triangles: IntArray, values: FloatArray) -> 
             values[v, c] /= max(size, np.float32(1e-9))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(cache=True, inner=True, error_model="numpy", fastmath=True)
 def light_places(
     n: int, owners: IntArray, places: FloatArray, points: FloatArray, triangles: IntArray,
     values: FloatArray, kinds: NDArray[np.uint8], light: FloatArray, shadow: FloatArray,
@@ -104,7 +104,7 @@ def light_places(
             lit[k, i] = _GAMMA[step] + share * (_GAMMA[step + 1] - _GAMMA[step])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(cache=True, inner=True, error_model="numpy", fastmath=True)
 def _shade(
     n: int, owners: IntArray, places: FloatArray, kinds: NDArray[np.uint8], light: FloatArray,
     shadow: FloatArray, reach: FloatArray, to_light: FloatArray, lit: FloatArray,

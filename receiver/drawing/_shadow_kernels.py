@@ -76,7 +76,7 @@ def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
     return whole
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def shadow_reach(shadow: FloatArray) -> FloatArray:
     """Return the first and last column, then row, between which `blur_shadow` left any shadow."""
     last_row, last_column = shadow.shape[0] - 1, shadow.shape[1] - 1

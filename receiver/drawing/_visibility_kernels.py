@@ -36,7 +36,7 @@ BLENDED, CASTS = 1, 2
 """Kinds of triangles: a corner is transparent; it throws the shadow and receives none."""
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def edge(x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
     """Edge function ``a x + b y + c``, not negative inside; a place on the edge has one side."""
     dx, dy = x1 - x0, y1 - y0
@@ -44,7 +44,7 @@ def edge(x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, floa
     return -dy, dx, dy * x0 - dx * y0 - tie
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def bounds_of(
     points: FloatArray, triangles: IntArray, width: int, height: int, spread: float
 ) -> IntArray:
@@ -64,7 +64,7 @@ def bounds_of(
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def sort_by_band(
     bounds: IntArray, kinds: NDArray[np.uint8], bands: int
 ) -> tuple[IntArray, IntArray]:
@@ -86,7 +86,7 @@ def sort_by_band(
     return found, starts
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, inner=True, error_model="numpy")
 def see(
     points: FloatArray, triangles: IntArray, f: int, bounds: IntArray, top: int,
     depth: FloatArray, seen: IntArray, firsts: IntArray, ends: IntArray, nears: FloatArray,
@@ -141,7 +141,7 @@ def see(
             near += step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, inner=True, error_model="numpy")
 def _sides(a: float, b: float, c: float) -> tuple[float, float, float, float]:
     """Return where a line begins and ends that an edge bounds: both as ``slope * y + start``."""
     if a > 0:
@@ -151,7 +151,7 @@ def _sides(a: float, b: float, c: float) -> tuple[float, float, float, float]:
     return 0.0, -_FAR, 0.0, _FAR
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _touch(triangles: IntArray, f: int, g: int) -> bool:
     """Return whether two triangles share a corner."""
     i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
@@ -159,7 +159,7 @@ def _touch(triangles: IntArray, f: int, g: int) -> bool:
     return a in (i, j, k) or b in (i, j, k) or c in (i, j, k)
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def find(
     row: int, line: int, first: int, end: int, seen: IntArray, triangles: IntArray,
     owners: IntArray, places: FloatArray, members: IntArray,
@@ -208,7 +208,7 @@ def find(
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def cover_row(
     n: int, row: int, line: int, points: FloatArray, triangles: IntArray, f: int,
     bounds: IntArray, depth: FloatArray, owners: IntArray, places: FloatArray, members: IntArray,

@@ -29,7 +29,7 @@ def polar_transform(x: NDArray[np.int64]) -> None:
         half *= 2
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _next_node(frozen: NDArray[np.int64], phase: int, n: int) -> int:
     """Return the level of the largest block at `phase` with no input free but the last one."""
     level = 0
@@ -41,7 +41,7 @@ def _next_node(frozen: NDArray[np.int64], phase: int, n: int) -> int:
     return level
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _update_llr(
     channel: NDArray[np.float32],
     alpha: NDArray[np.float32],
@@ -88,7 +88,7 @@ def _update_llr(
             alpha_row[p, v] = p
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, inner=True, fastmath={"reassoc", "contract"})
 def _block_costs(
     ratios: NDArray[np.float32],
     width: int,
@@ -109,7 +109,7 @@ def _block_costs(
         candidate[2 * p + 1] = metric[p] + positive
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _update_bits(
     left: NDArray[np.uint8],
     left_row: NDArray[np.int64],
@@ -150,7 +150,7 @@ def _update_bits(
         left_row[p, top] = p
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _ranked(values: NDArray[np.float64], rank: int) -> float:
     """Return the value that would be at this place in ascending order; reorder the values.
 
@@ -179,7 +179,7 @@ def _ranked(values: NDArray[np.float64], rank: int) -> float:
     return float(values[rank])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
     """Return the largest of the `kept` least values, and how many of its equals are among them."""
     low = high = candidate[0]
@@ -209,7 +209,7 @@ def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
     return limit, room
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _least(candidate: NDArray[np.float64], kept: int) -> NDArray[np.int64]:
     """Return the places of the `kept` least values; of equal ones the first count.
 

@@ -114,7 +114,7 @@ def spread_into(
         out[b] = out[b] * out[b] * math.sqrt(out[b]) / unit[b]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def adapt_into(
     excitation: FloatArray,
     decay: FloatArray,
@@ -159,7 +159,7 @@ def adapt_into(
             out[s, b] *= state[row, b]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def modulation_into(
     excitation: FloatArray, decay: FloatArray, frame_rate: float, state: FloatArray, out: FloatArray
 ) -> None:
@@ -175,7 +175,7 @@ def modulation_into(
             out[s, b] = state[CHANGE + s, b] / (1.0 + state[MEAN + s, b] / 0.3)
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def loudness(
     excitation: FloatArray, threshold: FloatArray, index: FloatArray, scale: FloatArray
 ) -> float:
@@ -187,7 +187,7 @@ def loudness(
     return total * 24.0 / threshold.size
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def loudness_scale_into(
     threshold: FloatArray, index: FloatArray, unit: float, scale: FloatArray
 ) -> None:
@@ -196,7 +196,7 @@ def loudness_scale_into(
         scale[b] = unit * (threshold[b] / (index[b] * 1e4)) ** 0.23
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def noise_loudness(
     masker: FloatArray,
     heard: FloatArray,
@@ -225,7 +225,7 @@ def noise_loudness(
     return max(0.0, total * 24.0 / noise.size)
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def modulation_difference(
     modulation: FloatArray, mean: FloatArray, quiet: FloatArray
 ) -> tuple[float, float, float]:
@@ -244,7 +244,7 @@ def modulation_difference(
     return 100.0 * plain / n, 100.0 * asymmetric / n, weight
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def quiet_into(noise: FloatArray, times: float, quiet: FloatArray) -> None:
     """Fill in multiples of the internal noise's loudness in each band."""
     for b in range(noise.size):
@@ -268,7 +268,7 @@ def bandwidths(ref: FloatArray, test: FloatArray) -> tuple[int, int]:
     return width, k
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def detection_into(excitation: FloatArray, probability: FloatArray, steps: FloatArray) -> None:
     """Detect a difference: probability per band, and its size in just noticeable steps."""
     for b in range(probability.size):

@@ -141,7 +141,7 @@ def pilot_fields_into(
                     values[j] += weight * part[j]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def wave_of(place: Any) -> Any:
     """Cosine of an angle in turns within .002: its series up to the tenth power."""
     away = place - np.floor(place + np.float32(0.5))
@@ -153,7 +153,7 @@ def wave_of(place: Any) -> Any:
     return np.float32(1.0) + u * value
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def lattice_waves(place: Any, above: Any, wider: Any, spread: Any) -> Any:
     """Mean wave of a pilot's three lattices and its weight, by their probabilities.
 
@@ -275,7 +275,7 @@ def place_scores_into(
                     best[x], choice[x] = value, y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, inner=True, error_model="numpy")
 def crop_score(
     fields: PixelArray, texture: PixelArray, pilots: IntArray, first: PixelArray,
     size: PixelArray, dither: PixelArray, step: float, signs: PixelArray, limits: PixelArray,

@@ -60,7 +60,7 @@ def turn_into(
                 out[t, i, k, 2] = u * y - v * x + shift[t, m, 2, i]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _turned(
     motion: NDArray[np.float64], share: NDArray[np.float64], matrix: NDArray[np.float64]
 ) -> None:
@@ -280,7 +280,7 @@ def blend_into(
                 out[t, k, c] -= scratch[t] * out[t + 1, k, c]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _pull(
     row: NDArray[np.float64],
     known: NDArray[np.bool_],
@@ -299,7 +299,7 @@ def _pull(
                 pull[j] += precision[i, j] * away[i]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _factorise(
     precision: NDArray[np.float64],
     known: NDArray[np.bool_],
@@ -321,7 +321,7 @@ def _factorise(
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _forward(
     factor: NDArray[np.float64],
     hidden: NDArray[np.int64],

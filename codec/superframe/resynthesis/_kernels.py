@@ -40,7 +40,7 @@ def pull_into(
             weights[t, c] /= total
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _jerk(phase: float, power: float) -> float:
     """Return the minimum-jerk course of a phase 0..1 that is raised to a power."""
     u = phase if power == 1.0 else phase**power

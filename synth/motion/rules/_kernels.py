@@ -71,7 +71,7 @@ def strokes_into(
     return g + 1
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _jerk(
     time: float, leave: float, reach: float, begin: float, end: float, stroke: float, power: float
 ) -> float:
@@ -88,7 +88,7 @@ def _jerk(
     return float(u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def seen_into(
     leave: NDArray[np.float64],
     reach: NDArray[np.float64],
@@ -299,7 +299,7 @@ def line_seen_into(
         same = i + 1
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _margin(apart: NDArray[np.float64], own: int) -> float:
     """Return by how much the own one of some distances is less than any other."""
     best = np.inf
@@ -309,7 +309,7 @@ def _margin(apart: NDArray[np.float64], own: int) -> float:
     return float(best - apart[own])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _blend_apart(
     key: NDArray[np.int64],
     base: int,

@@ -14,7 +14,7 @@ TINY = np.float32(1e-9)
 """Least deviation that is divided by."""
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, inner=True, fastmath={"reassoc", "contract"})
 def spread_of(values: Floats) -> tuple[np.float32, np.float32]:
     """Return the mean and the standard deviation of values that are near 0."""
     total, power = np.float32(0), np.float32(0)
@@ -26,7 +26,7 @@ def spread_of(values: Floats) -> tuple[np.float32, np.float32]:
     return mean, np.sqrt(max(power / count - mean * mean, np.float32(0)))
 
 
-@njit(cache=True, fastmath={"nnan", "nsz"})
+@njit(cache=True, inner=True, fastmath={"nnan", "nsz"})
 def highest_of(values: Floats) -> np.float32:
     """Return the highest value."""
     highest = np.float32(values[0])
@@ -35,7 +35,7 @@ def highest_of(values: Floats) -> np.float32:
     return highest
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def highest_near(values: Floats, reach: int) -> Floats:
     """Return the highest value within `reach` places of each, round and round."""
     count, width, seen = values.size, 2 * reach + 1, 1

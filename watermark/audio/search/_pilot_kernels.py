@@ -15,7 +15,7 @@ ADVANCE = 4
 """Samples from a frame's begin to the next one's."""
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, inner=True, fastmath={"contract"})
 def slide(
     sound: Floats,
     wave: Floats,
@@ -82,7 +82,7 @@ def slide(
             real[p, r], imaginary[p, r] = a, b
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, inner=True, fastmath={"reassoc", "contract"})
 def mask(
     energy: Floats,
     spread: Floats,
@@ -124,7 +124,7 @@ def mask(
             out[r] = min(out[r], cap * own[r]) if own[r] >= floor else np.float32(0)
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, inner=True, fastmath={"reassoc", "contract"})
 def project(
     thresholds: Floats,
     hop: int,

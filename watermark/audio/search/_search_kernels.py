@@ -25,7 +25,7 @@ FITTING = 16
 Parts = NDArray[np.int16]
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def add_rows(values: Soft, starts: NDArray[np.int64], masks: Soft, count: int, total: Soft) -> None:
     """total[i] += values[starts[n] + i] for each n below count, or less it where masks[n] is -1."""
     places = total.size
@@ -60,7 +60,7 @@ def pilot_sums(
         add_segment(values, starts[n:end], mask[n:end], sums[s])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def add_segment(values: Soft, starts: NDArray[np.int64], masks: Soft, total: Soft) -> None:
     """total[i] += values[starts[n] + i] for all eight n, or less it where masks[n] is -1."""
     a, b, c, d = values[starts[0] :], values[starts[1] :], values[starts[2] :], values[starts[3] :]
@@ -107,7 +107,7 @@ def clock_of(sums: Soft, shift: NDArray[np.int64], penalty: Parts, place: int) -
     return best
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def highest_near(values: Parts, width: int) -> Parts:
     """Return the highest of `width` values from each on."""
     near, seen = values, 1
@@ -145,7 +145,7 @@ def best_sum(
     return best, top
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def highest_of(values: Parts) -> np.int16:
     """Return the highest value."""
     highest = LOWEST
@@ -154,7 +154,7 @@ def highest_of(values: Parts) -> np.int16:
     return highest
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def place_of(values: Parts, wanted: np.int16) -> int:
     """Return the first place of a value that is there."""
     place = 0

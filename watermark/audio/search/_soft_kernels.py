@@ -54,7 +54,7 @@ def pilot_soft(
             interleave(value, soft[s, g, first : first + count * turns].view(np.uint64))
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def interleave(value: Soft, words: NDArray[np.uint64]) -> None:
     """words[i] = bytes value[0, i] to value[7, i], the first of them lowest."""
     a, b, c, d = value[0], value[1], value[2], value[3]
@@ -72,7 +72,7 @@ def interleave(value: Soft, words: NDArray[np.uint64]) -> None:
         )
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def soft_row(
     real: NDArray[np.float32],
     imaginary: NDArray[np.float32],

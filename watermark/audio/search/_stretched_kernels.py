@@ -40,7 +40,7 @@ def _own(
             )
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _peaks(before: NDArray[np.int16], peak: NDArray[np.int16]) -> None:
     """peak[b] = the largest value of block b."""
     for b in range(peak.size):
@@ -51,7 +51,7 @@ def _peaks(before: NDArray[np.int16], peak: NDArray[np.int16]) -> None:
         peak[b] = highest
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _far(peak: NDArray[np.int16], doublings: int, far: NDArray[np.int16]) -> None:
     """far[b] = the largest peak less than 2**doublings blocks before b, or after it."""
     count = peak.size
@@ -66,7 +66,7 @@ def _far(peak: NDArray[np.int16], doublings: int, far: NDArray[np.int16]) -> Non
         far[b] = max(ahead[np.uint64(b)], ahead[np.uint64(max(b - reach + 1, 0))])
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _reach(
     before: NDArray[np.int16],
     own: NDArray[np.int16],
