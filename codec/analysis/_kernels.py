@@ -9,7 +9,7 @@ _ROUNDING = 1e-13
 """Relative step of Newton's method that is as small as rounding."""
 
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def _cofactor(m: NDArray[np.float64], i: int, j: int) -> float:
     """Return a cofactor of a matrix (4, 4)."""
     a, b, c = int(i < 1), 1 + int(i < 2), 2 + int(i < 3)

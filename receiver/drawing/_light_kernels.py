@@ -18,7 +18,9 @@ _GAMMA = ((np.arange(1026) / 1024) ** (2 / 2.2)).astype(np.float32)
 @njit(cache=True)
 def add_normals(points: FloatArray, triangles: IntArray, values: FloatArray) -> None:
     """Write the unit normals of a surface into the first three columns of `values`, (V, 3 ...)."""
-    values[:, :3] = _ZERO
+    for v in range(len(values)):
+        for c in range(3):
+            values[v, c] = _ZERO
     for f in range(len(triangles)):
         i, j, k = triangles[f, 0], triangles[f, 1], triangles[f, 2]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]

@@ -76,8 +76,11 @@ def sort_by_band(
     for f in range(len(bounds)):
         for band in range(bounds[f, 0] // BAND, bounds[f, 1] // BAND + 1):
             starts[2 * band + (kinds[f] & BLENDED) + 1] += 1
-    starts = np.cumsum(starts).astype(np.int32)
-    ends, found = starts.copy(), np.empty(starts[-1], np.int32)
+    ends = np.empty(2 * bands, np.int32)
+    for part in range(2 * bands):
+        ends[part] = starts[part]
+        starts[part + 1] += starts[part]
+    found = np.empty(starts[2 * bands], np.int32)
     for f in range(len(bounds)):
         for band in range(bounds[f, 0] // BAND, bounds[f, 1] // BAND + 1):
             part = 2 * band + (kinds[f] & BLENDED)

@@ -103,7 +103,8 @@ def mask(
     spread_power, root = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     for j in range(bands):
         # Spread energy of all bands into band j.
-        spread_power[:] = np.float32(0)
+        for r in range(count):
+            spread_power[r] = np.float32(0)
         for i in range(bands):
             gain, row = spread[i, j], energy[i]
             for r in range(count):
@@ -149,9 +150,9 @@ def project(
     x, y = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
     p = 0
     for g in range(slots):
-        x[:], y[:] = nothing, nothing
         living, out = alive[g, first : first + count], projections[g, first:]
-        living[:] = one
+        for r in range(count):
+            x[r], y[r], living[r] = nothing, nothing, one
         # All parts (bins) of slot g, each in units of its band's threshold; a silent band kills the
         # slot.
         while p < parts.shape[0] and parts[p, 0] == g:

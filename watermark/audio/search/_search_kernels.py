@@ -81,7 +81,8 @@ def drift_peaks(sums: Soft, shift: NDArray[np.int64], penalty: Parts, peak: Part
     The score is the sum over the eight segments s of sums[s, i + shift[d, s]], less penalty[d].
     """
     places = peak.size
-    peak[:] = LOWEST
+    for i in range(places):
+        peak[i] = LOWEST
     for d in range(shift.shape[0]):
         at = shift[d]
         a, b = sums[0, at[0] : at[0] + places], sums[1, at[1] : at[1] + places]
@@ -132,7 +133,9 @@ def best_sum(
     begins.
     """
     places = peak.size
-    total, highest = peak.copy(), highest_of(peak)
+    total, highest = np.empty(places, dtype=np.int16), highest_of(peak)
+    for i in range(places):
+        total[i] = peak[i]
     best, top = np.float32(highest), place_of(peak, highest)
     for n in range(weights.size):
         first = past.size - (n + 1) * lag - reach[n]
@@ -193,13 +196,18 @@ def correlate_pilots(
         for segment in range(shift.shape[1]):
             longest = max(longest, shift[clock, segment])
     common = np.empty((slots.shape[1] // SEGMENT_FRAMES, places + longest), dtype=np.int8)
+    sums = np.empty(common.shape, dtype=np.int8)
     tier = -1
     for n in range(pairs.shape[0]):
         if pairs[n, 0] != tier:
             tier = pairs[n, 0]
-            common[:] = np.int8(0)
+            for segment in range(common.shape[0]):
+                for i in range(places + longest):
+                    common[segment, i] = np.int8(0)
             pilot_sums(soft[tier], first, hop, slots[0], masks[0, 0], common)
-        sums = common.copy()
+        for segment in range(common.shape[0]):
+            for i in range(places + longest):
+                sums[segment, i] = common[segment, i]
         pilot_sums(soft[tier], first, hop, slots[1], masks[1, pairs[n, 1]], sums)
         peak = peaks[n, past : past + places]
         drift_peaks(sums, shift, penalty, peak)
