@@ -72,7 +72,9 @@ def sort_by_band(
 
     Returns the list and where in it the parts begin: ``2 * bands + 1`` numbers.
     """
-    starts = np.zeros(2 * bands + 1, np.int32)
+    starts = np.empty(2 * bands + 1, np.int32)
+    for part in range(2 * bands + 1):
+        starts[part] = 0
     for f in range(len(bounds)):
         for band in range(bounds[f, 0] // BAND, bounds[f, 1] // BAND + 1):
             starts[2 * band + (kinds[f] & BLENDED) + 1] += 1

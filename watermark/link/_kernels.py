@@ -188,7 +188,9 @@ def _limit(candidate: NDArray[np.float64], kept: int) -> tuple[float, int]:
     if low == high:
         return low, kept
     # A histogram names the bucket that holds the limit; only its values are ranked.
-    counts = np.zeros(BUCKETS + 1, dtype=np.int64)
+    counts = np.empty(BUCKETS + 1, dtype=np.int64)
+    for bucket in range(BUCKETS + 1):
+        counts[bucket] = 0
     scale = BUCKETS / (high - low)
     for value in candidate:
         counts[np.uint64((value - low) * scale)] += 1
@@ -264,18 +266,23 @@ def scl_decode(
         n += 1
     alpha = np.empty((list_size, size), dtype=np.float32)
     channel = np.empty(2 * size, dtype=np.float32)
-    alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
+    alpha_row = np.empty((list_size, n + 1), dtype=np.int64)
     left = np.empty((list_size, size), dtype=np.uint8)
-    left_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    work = np.zeros(size, dtype=np.uint8)
-    decided = np.zeros(list_size, dtype=np.uint8)
+    left_row = np.empty((list_size, n + 1), dtype=np.int64)
+    work = np.empty(size, dtype=np.uint8)
+    decided = np.empty(list_size, dtype=np.uint8)
     trace_bit = np.empty((list_size, size), dtype=np.uint8)
     trace_path = np.empty((list_size, size), dtype=np.int64)
-    new_alpha_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    new_left_row = np.zeros((list_size, n + 1), dtype=np.int64)
-    candidate = np.zeros(2 * list_size)
-    metric = np.zeros(list_size)
-    ranks = np.zeros(list_size, dtype=np.int64)
+    new_alpha_row = np.empty((list_size, n + 1), dtype=np.int64)
+    new_left_row = np.empty((list_size, n + 1), dtype=np.int64)
+    candidate = np.empty(2 * list_size)
+    metric = np.empty(list_size)
+    ranks = np.empty(list_size, dtype=np.int64)
+    # Zeros where they count: `np.zeros` is compiled for each type once more.
+    for p in range(list_size):
+        metric[p], ranks[p], decided[p] = 0.0, 0, 0
+        for v in range(n + 1):
+            alpha_row[p, v], left_row[p, v] = 0, 0
     for i in range(size):
         channel[size + i] = llr[i]
     free = 0

@@ -77,7 +77,9 @@ def spread_into(
     n = bands.size
     width = 27.0 / (n - 1)  # of a band in Bark, see `ear.SPREAD_BARK`
     lower = 10.0 ** (-2.7 * width * 0.4)
-    share, step = np.zeros(n + 3), np.zeros(n + 3)
+    share, step = np.empty(n + 3), np.empty(n + 3)
+    for b in range(n, n + 3):
+        share[b], step[b] = 0.0, 0.0
     for b in range(n):
         out[b] = 0.0
         level = math.log(bands[b])

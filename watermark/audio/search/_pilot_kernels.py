@@ -39,7 +39,9 @@ def slide(
     """
     period, bins = wave.shape[1], signs.size
     # The plain transform of the frame: real parts, imaginary parts, with a neighbour of the last.
-    x, y = np.zeros(bins + 1, dtype=np.float32), np.zeros(bins + 1, dtype=np.float32)
+    x, y = np.empty(bins + 1, dtype=np.float32), np.empty(bins + 1, dtype=np.float32)
+    for k in range(bins + 1):
+        x[k], y[k] = np.float32(0), np.float32(0)
     x_next, y_next = x[1:], y[1:]
     signed_x, signed_y = np.empty(bins, dtype=np.float32), np.empty(bins, dtype=np.float32)
     power = np.empty(bins, dtype=np.float32)
