@@ -86,18 +86,26 @@ class Kernel:
                 import numba
 
                 options = {"no_cfunc_wrapper": True} | self._options
-                options["no_cpython_wrapper"] = options.pop("inner", False)
+                options["no_cpython_wrapper"] = inner = options.pop("inner", False)
                 kept = options["cache"] = Settings.kept and options.get("cache", False)
                 made: Any = numba.njit(**options)(self.py_func)
                 made.get_call_template = _without_literals(made.get_call_template)
                 if kept:
                     made._cache = _SharedCache(made._cache)
+                if inner:
+                    made.__class__ = _inner_kind(type(made))
                 self._dispatcher = made
                 space = self.py_func.__globals__
                 for name, value in list(space.items()):
                     if isinstance(value, Kernel):
                         space[name] = value.dispatcher()
         return self._dispatcher
+
+
+@cache
+def _inner_kind(kind: type[Any]) -> type[Any]:
+    """Return numba's kind of kernels without a way in from Python: a call would end the process."""
+    return type("Inner", (kind,), {"__call__": lambda self, *given: self.py_func(*given)})
 
 
 def _without_literals(resolve: Callable[..., Any]) -> Callable[..., Any]:
@@ -122,7 +130,8 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     ----------
     **options
         ``cache``, ``inline``, ``fastmath``; ``inner`` for a kernel that only other kernels call:
-        it is compiled in a sixth less time without the way in from Python, and crashes there.
+        it is compiled in an eighth less time without the way in from Python, where it is run as
+        Python.
 
     Returns
     -------

@@ -251,7 +251,7 @@ def test_kernels_are_compiled_in_one_way() -> None:
 
 
 def test_inner_kernels_are_called_by_kernels_alone() -> None:
-    """They have no way in from Python: a call from there would end the process."""
+    """They have no way in from Python: calls from there are run as Python, slowly."""
     places = [*MAY_IMPORT, "tests"]
     trees = {path: tree_of(path) for place in places for path in (ROOT / place).rglob("*.py")}
     inner = {

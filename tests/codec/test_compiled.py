@@ -19,7 +19,7 @@ from synth.motion.rules import _kernels
 KERNELS = """
 from codec.compiled import njit
 
-@njit(cache=True)
+@njit(cache=True, inner=True)
 def inner(x):
     return x * x
 
@@ -37,6 +37,7 @@ from codec.compiled import Settings
 heard, before = [], gc.get_threshold()
 Settings.listener = heard.append
 print(kernels.outer(10), heard, Settings.count)
+assert (kernels.inner(3), kernels.outer.py_func(3)) == (9, 5)  # as Python
 assert gc.get_threshold() == before
 """
 
