@@ -103,7 +103,7 @@ class Kernel:
 
 
 @cache
-def _inner_kind(kind: type[Any]) -> type[Any]:
+def _inner_kind(kind: Any) -> Any:
     """Return numba's kind of kernels without a way in from Python: a call would end the process."""
     return type("Inner", (kind,), {"__call__": lambda self, *given: self.py_func(*given)})
 
