@@ -93,7 +93,7 @@ class Kernel:
                 if kept:
                     made._cache = _SharedCache(made._cache)
                 if inner:
-                    made.__class__ = _inner_kind(type(made))
+                    made.__class__ = _inner_kind(made.__class__)
                 self._dispatcher = made
                 space = self.py_func.__globals__
                 for name, value in list(space.items()):
