@@ -62,36 +62,22 @@ def draw_triangles(
     # In bands of rows: depths of the opaque triangles; light for what is seen of them; then the
     # transparent ones in front of that, in their order.
     for top in range(0, height, BAND):
-        part = 2 * (top // BAND)
-        first, middle, end = starts[part], starts[part + 1], starts[part + 2]
+        first, middle, end = starts[2 * (top // BAND) :][:3]
         if first == end:
             continue
         last = min(top + BAND, height) - 1
-        # Loops: numba takes seconds to compile assignments to parts of arrays.
-        for row in range(BAND):
-            for k in range(4):
-                for x in range(width):
-                    depth[row, k, x], seen[row, k, x] = _ZERO, -1
-            for x in range(width):
-                mixed[row, x] = False
-                for k in range(4):
-                    pixels[row, x, k] = _ZERO
+        depth[:], seen[:], pixels[:], mixed[:] = _ZERO, -1, _ZERO, False
         left, right = width, 0
-        for i in range(first, middle):
-            f = listed[i]
+        for f in listed[first:middle]:
             see(points, triangles, f, bounds, top, depth, seen, firsts, ends, nears)
             left, right = min(left, bounds[f, 2]), max(right, bounds[f, 3] + 1)
-        for i in range(middle, end):
-            f = listed[i]
+        for f in listed[middle:end]:
             for row in range(max(top, bounds[f, 0]), min(last, bounds[f, 1]) + 1):
-                for x in range(bounds[f, 2], bounds[f, 3] + 1):
-                    mixed[row - top, x] = True
+                mixed[row - top, bounds[f, 2] : bounds[f, 3] + 1] = True
         for row in range(last - top + 1):
             for x in range(width):
                 if mixed[row, x]:
-                    for s in range(4):
-                        for k in range(4):
-                            samples[row, x, s, k] = _ZERO
+                    samples[row, x] = _ZERO
             n = find(top + row, row, left, right, seen[row], triangles, owners, places, members)
             light_places(
                 n, owners, places, points, triangles, values, kinds, light, shadow, reach,
@@ -99,8 +85,7 @@ def draw_triangles(
             )  # fmt: skip
             mix(n, members, lit, mixed, samples, pixels)
         n = 0
-        for i in range(middle, end):
-            f = listed[i]
+        for f in listed[middle:end]:
             for row in range(max(top, bounds[f, 0]), min(last, bounds[f, 1]) + 1):
                 if n + bounds[f, 3] - bounds[f, 2] >= len(owners):
                     light_places(

@@ -53,24 +53,16 @@ def cast(points: FloatArray, triangles: IntArray, opacity: FloatArray, cover: Fl
 def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
     """Return opacity, and opacity times depth, of `cast` blurred by weights (2 R + 1,)."""
     (size, width), reach = cover.shape[:2], len(weights) // 2
-    line, found = np.empty(2 * width, np.float32), np.empty(2 * width, np.float32)
-    blurred = np.empty(cover.shape, np.float32)
-    whole = blurred.reshape(size, 2 * width)
+    across, whole = np.zeros_like(cover), np.zeros_like(cover)
+    line = np.empty(2 * width, np.float32)
     for row in range(size):
-        for i in range(2 * width):
-            whole[row, i] = _ZERO
-    for row in range(size):
-        empty = True
-        for column in range(width):
-            share = cover[row, column, 0]
-            empty = empty and share == _ZERO
-            line[2 * column] = share
-            # Premultiplied: depth counts as much as its texel is opaque.
-            line[2 * column + 1] = share * cover[row, column, 1]
-        if empty:
+        if not cover[row, :, 0].any():
             continue
-        for i in range(2 * width):
-            found[i] = _ZERO
+        for column in range(width):
+            line[2 * column] = cover[row, column, 0]
+            # Premultiplied: depth counts as much as its texel is opaque.
+            line[2 * column + 1] = cover[row, column, 0] * cover[row, column, 1]
+        found = across[row].reshape(2 * width)
         # Separable: along the row, then added to the rows around.
         for k in range(len(weights)):
             for i in range(2 * reach, 2 * (width - reach)):
@@ -78,10 +70,10 @@ def blur_shadow(cover: FloatArray, weights: FloatArray) -> FloatArray:
         for k in range(len(weights)):
             to = row - k + reach
             if reach <= to < size - reach:
-                target = whole[to]
+                target = whole[to].reshape(2 * width)
                 for i in range(2 * width):
                     target[i] += weights[k] * found[i]
-    return blurred
+    return whole
 
 
 @njit(cache=True, inner=True)
