@@ -203,14 +203,14 @@ class PeaqMeter:
             np.ascontiguousarray(features.transpose(1, 0, 2)),
             np.ascontiguousarray(ehs.T),
         )
-        frames = FrameFeatures(by_frame, ehs, detection, steps.sum(axis=1))
+        found = FrameFeatures(by_frame, ehs, detection, steps.sum(axis=1))
         # Silence may be the end, and counts otherwise; a segment ends between two frames.
         cuts = {0, count, *(1 + np.flatnonzero(active[1:] != active[:-1])).tolist()}
         if self._segment_frames:
             cuts |= set(range(-self._frame % self._segment_frames, count, self._segment_frames))
         grades = []
         for first, last in pairwise(sorted(cuts)):
-            grades += self._count(frames[first:last], active=bool(active[first]))
+            grades += self._count(found[first:last], active=bool(active[first]))
         return grades
 
     def _count(self, frames: FrameFeatures, *, active: bool) -> list[PeaqResult]:

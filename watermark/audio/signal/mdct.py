@@ -32,7 +32,7 @@ class _Tables:
 
 
 @lru_cache(maxsize=8)
-def _tables(hop: int, kind: Any = np.complex128) -> _Tables:
+def _tables(hop: int, kind: str = "complex128") -> _Tables:
     k = np.arange(hop)
     after = np.sqrt(2.0 / hop) * np.exp(-1j * np.pi * (0.5 + hop / 2) * (k + 0.5) / hop) / 2j
     half = np.exp(0.5j * np.pi / (2 * hop))
@@ -74,7 +74,7 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
     True
     """
     count = bins or hop
-    tables = _tables(hop, np.complex64 if frames.dtype == np.float32 else np.complex128)
+    tables = _tables(hop, "complex64" if frames.dtype == np.float32 else "complex128")
     own, following = tables.own[:count], tables.next[:count]
     lapped = np.empty((len(frames), count), dtype=own.dtype)
     for first in range(0, len(frames), AT_ONCE):
@@ -126,7 +126,7 @@ def synthesise(coefficients: NDArray[Any], hop: int) -> NDArray[Any]:
         Samples; the first and the last `hop` of them still lack their neighbour frame.
     """
     count, bins = coefficients.shape
-    kind = np.result_type(coefficients.dtype, np.complex64).type
+    kind = np.result_type(coefficients.dtype, np.complex64).name
     tables = _tables(hop, kind)
     own, following = tables.own[:bins].conj(), tables.next[:bins].conj()
     spectrum = np.zeros((count, hop + 1), dtype=kind)
