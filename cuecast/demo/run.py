@@ -11,7 +11,7 @@ from codec.cuer.voice import load_voice
 from cuecast.command.files import write_json
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
 from cuecast.demo.figures import draw_keys, draw_strip
-from cuecast.dubbing.dub import DubOptions, dub
+from cuecast.dubbing.dub import dub
 from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
 from cuecast.dubbing.readability import in_words, watched_plan
 from cuecast.dubbing.receive import receive
@@ -90,8 +90,7 @@ def run_demo(folder: Path, *, seed: int, say: Callable[[str], None]) -> list[Bro
     sent = whole_motion(source, duration_s)
     save_motion(sent, folder / "sent.npz")
     dubbed = folder / "dubbed.mkv"
-    # The film was made above: searching its pictures for an earlier cuer compiles a dozen kernels.
-    report = dub(folder / "programme.mkv", source, voice, dubbed, DubOptions(unmarked=True))
+    report = dub(folder / "programme.mkv", source, voice, dubbed)
     write_json(str(folder / "report.json"), report)
     audio = report["carriers"]["audio"]
     say(f"    {audio['net_bps']} bit/s in the sound, SNR {audio['snr_db']} dB, ODG {audio['odg']}")

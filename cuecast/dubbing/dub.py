@@ -84,8 +84,6 @@ class DubOptions:
         Whether to receive the output and report the share that arrives.
     replace : bool
         Whether to write over the cuer of a programme that has one already.
-    unmarked : bool
-        Whether the programme is known to have no cuer: it is not searched for one.
     sign : SigningKey, optional
         Signs the cues.
     on_air_s : float
@@ -111,7 +109,6 @@ class DubOptions:
     video_through: str | None = None
     read_back: bool = False
     replace: bool = False
-    unmarked: bool = False
     sign: SigningKey | None = None
     on_air_s: float = 0.0
 
@@ -161,7 +158,7 @@ def dub(
     """
     if not options.carriers:
         raise CueError("no carrier: nothing to dub into")
-    told = [] if options.unmarked else _check_earlier(programme, voice, options)
+    told = _check_earlier(programme, voice, options)
     carriers: dict[str, dict[str, Any]] = {}
     sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
