@@ -47,22 +47,38 @@ def project_into(
 
 @njit(cache=True)
 def paint_into(
-    amplitude: FloatArray,
-    across: PixelArray,
-    down: PixelArray,
-    column_start: IntArray,
-    row_start: IntArray,
+    amplitude: FloatArray, wide: FloatArray, across: PixelArray, down: PixelArray,
+    wide_across: PixelArray, wide_down: PixelArray, column_start: IntArray, row_start: IntArray,
     out: PixelArray,
-) -> None:
-    """Paint the sum of the templates with an amplitude per cell; out : (height, width)."""
-    for r in range(amplitude.shape[1]):
+) -> None:  # fmt: skip
+    """Paint the sum of the templates and the blurred templates with an amplitude each per cell.
+
+    amplitude : (templates, rows, columns); wide : of blurred templates, with a cell more on each
+    side; across : (templates, width), down : (templates, height), as in `project_into`;
+    wide_across : (templates, 3, width), wide_down : (templates, 3, height), of the cell before, of
+    the pixel's own and of the next; out : (height, width).
+    """
+    templates, rows, columns = amplitude.shape
+    own = np.empty((templates, columns), dtype=np.float32)
+    sums = np.empty((templates, columns + 2), dtype=np.float32)
+    for r in range(rows):
         for y in range(row_start[r], row_start[r + 1]):
-            for c in range(amplitude.shape[2]):
-                for x in range(column_start[c], column_start[c + 1]):
+            for t in range(templates):
+                for c in range(columns):
+                    own[t, c] = down[t, y] * amplitude[t, r, c]
+                for c in range(columns + 2):
                     total = 0.0
-                    for t in range(amplitude.shape[0]):
-                        total += amplitude[t, r, c] * down[t, y] * across[t, x]
-                    out[y, x] = total
+                    for i in range(3):
+                        total += wide_down[t, i, y] * wide[t, r + i, c]
+                    sums[t, c] = total
+            for c in range(columns):
+                for x in range(column_start[c], column_start[c + 1]):
+                    value = np.float32(0.0)
+                    for t in range(templates):
+                        value += own[t, c] * across[t, x]
+                        for i in range(3):
+                            value += sums[t, c + i] * wide_across[t, i, x]
+                    out[y, x] = value
 
 
 @njit(cache=True)

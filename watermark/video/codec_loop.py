@@ -22,8 +22,8 @@ from watermark.link.link import L0_CHECK, L1_CHECK
 from watermark.video.coder_trial import ODDS, SHARES, TRIED, CoderTrial, PictureCoder, TrialFinding
 from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
-from watermark.video.grid import Grid
 from watermark.video.modes import Mode
+from watermark.video.painting import Painter
 from watermark.video.profile import COARSE, POSITIONS, STEPS, VideoProfile
 from watermark.video.timing import Timing
 
@@ -104,8 +104,8 @@ class PictureLoop:
         Of the mark.
     modes : sequence of Mode
         The profile's, one for each step.
-    grid : Grid
-        Of the picture.
+    painter : Painter
+        Of patterns for the picture.
     depth : int
         Bits per sample.
     timing : Timing
@@ -118,13 +118,13 @@ class PictureLoop:
         self,
         profile: VideoProfile,
         modes: Sequence[Mode],
-        grid: Grid,
+        painter: Painter,
         depth: int,
         timing: Timing,
         channels: Sequence[TriedChannel],
     ) -> None:
-        self._profile, self._modes, self._grid = profile, modes, grid
-        self._writer = PatternWriter(grid.shape, depth, timing)
+        self._profile, self._modes, self._painter = profile, modes, painter
+        self._writer = PatternWriter(painter.shape, depth, timing)
         self._trials = [CoderTrial(channel.coder, modes, timing) for channel in channels]
         self._channels = channels
         self._places: deque[int] = deque()
@@ -141,7 +141,8 @@ class PictureLoop:
         if design is not None:
             choice = np.random.default_rng(design.place).choice(len(TRIED), POSITIONS, p=ODDS)
             tried = [Strength(rung, share, share) for rung, share in TRIED]
-            self._writer.add_pattern(self._grid.paint(design.mixed(self._modes, tried, choice)))
+            moves = design.mixed(self._modes, tried, choice)
+            self._writer.add_pattern(self._painter.paint(moves, ~design.textured))
             self._places.append(design.place)
             for trial in self._trials:
                 trial.expect(design, choice)
@@ -171,7 +172,7 @@ class PictureLoop:
 
     def _least_visible(self, place: int, findings: Sequence[TrialFinding | None]) -> Strength:
         """Return the strength that changes the picture least among those that suffice."""
-        fixed = fixed_strength(place, self._grid.shape)
+        fixed = fixed_strength(place, self._painter.shape)
         enough = np.ones(len(STRENGTHS), dtype=bool)
         costs = np.zeros(len(STRENGTHS))
         for finding, channel in zip(findings, self._channels, strict=True):
@@ -181,15 +182,9 @@ class PictureLoop:
             strong = costs >= costs[STRENGTHS.index(fixed)]
             enough &= self._enough(finding, channel, place, strong) & (strong | (not channel.firm))
         if not enough.any():
-            enough[
-                np.flatnonzero(self._allowed(min(each.widest for each in self._channels)))[-1]
-            ] = True
+            # Channels that exclude one another: the strongest that all of them allow.
+            return STRENGTHS[_strongest(min(channel.widest for channel in self._channels))]
         return STRENGTHS[int(np.where(enough, costs, np.inf).argmin())]
-
-    @staticmethod
-    def _allowed(widest: int) -> NDArray[np.bool_]:
-        """Which strengths have no step beyond the widest."""
-        return np.array([strength.rung <= widest for strength in STRENGTHS])
 
     def _costs(self, finding: TrialFinding) -> FloatArray:
         """Mean square of the pattern at each strength, up to a factor."""
@@ -207,18 +202,18 @@ class PictureLoop:
     ) -> NDArray[np.bool_]:
         """Which strengths suffice for a channel; `strong`: those not weaker than without a trial.
 
-        Where a class is lost at any strength the other one counts, and where both are, the
-        strongest is taken.
+        In this order: strengths at which both classes arrive with their margin; if there are none,
+        those that leave nearly the most, if both may still arrive; then those at which L0 arrives
+        with its margin; at last the strongest.
         """
         profile = self._profile
         first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
-        margin = OPENING_MARGIN if place == 0 else MARGIN
-        bits = np.array([finding.at(strength) for strength in STRENGTHS])
-        allowed = self._allowed(channel.widest)
-        bits = np.where(allowed, bits, 0.0)
+        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        bits = np.where(allowed, [finding.at(strength) for strength in STRENGTHS], 0.0)
         if channel.whole:
             rate = max(first, second)
+            margin = OPENING_MARGIN if place == 0 else MARGIN
             enough = bits >= min(CEILING, margin * rate)
             if enough.any():
                 return np.asarray(enough)
@@ -226,5 +221,10 @@ class PictureLoop:
                 return np.asarray(bits >= NEARLY * bits.max())
         enough = (bits >= channel.l0_margin * first) & (strong | (not channel.whole))
         if not enough.any():
-            enough[np.flatnonzero(allowed)[-1]] = True
+            enough[_strongest(channel.widest)] = True
         return np.asarray(enough)
+
+
+def _strongest(widest: int) -> int:
+    """Index of the strongest of `STRENGTHS` up to a step, the whole way in all cells."""
+    return STRENGTHS.index(Strength(widest))

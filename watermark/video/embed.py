@@ -21,6 +21,7 @@ from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
 from watermark.video.modes import make_modes
+from watermark.video.painting import Painter
 from watermark.video.profile import (
     COLUMNS,
     ROWS,
@@ -122,6 +123,7 @@ class VideoEmbedder:
         if not 0.2 <= strength <= 8:
             raise CueError(f"strength {strength}: must be 0.2..8")
         self._grid = Grid(width, height, depth)
+        self._painter = Painter(width, height, depth)
         self._timing = Timing(Fraction(fps))
         self._profile = find_profile(profile)
         self._modes = make_modes(self._profile, key, strength)
@@ -133,7 +135,7 @@ class VideoEmbedder:
         self._writer = PatternWriter(self._grid.shape, depth, self._timing)
         self._designs: deque[Design] = deque()
         self._loop = (
-            PictureLoop(self._profile, self._modes, self._grid, depth, self._timing, channels)
+            PictureLoop(self._profile, self._modes, self._painter, depth, self._timing, channels)
             if channels
             else None
         )
@@ -222,5 +224,6 @@ class VideoEmbedder:
     def _paint(self, strength: Strength) -> None:
         """Give the oldest design its strength."""
         self._steps[strength.rung] += 1
-        moves = self._designs.popleft().moves(self._modes, strength)
-        self._writer.add_pattern(self._grid.paint(moves))
+        design = self._designs.popleft()
+        moves = design.moves(self._modes, strength)
+        self._writer.add_pattern(self._painter.paint(moves, ~design.textured))

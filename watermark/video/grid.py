@@ -1,6 +1,6 @@
 """The cell grid of a picture and its two templates.
 
-In: luma; out: the amplitude of each template in each cell; and back from amplitudes to a pattern.
+In: luma; out: the amplitude of each template in each cell.
 The grid is 80 x 45 whatever the size of the picture, so scaling keeps it. Specification:
 spec/video-carrier.md, section 3.
 """
@@ -42,7 +42,7 @@ WHOLE = Region()
 
 
 class Grid:
-    """Projection and painting for one size of picture.
+    """Projection for one size of picture.
 
     Parameters
     ----------
@@ -67,11 +67,9 @@ class Grid:
 
     Examples
     --------
-    >>> grid = Grid(640, 360)
-    >>> amplitude = np.zeros((2, 45, 80))
-    >>> amplitude[0, 3, 5] = 2.0
-    >>> round(float(grid.project(grid.paint(amplitude))[0, 3, 5]), 6)
-    2.0
+    >>> ramp = np.tile(np.arange(640, dtype=np.float32), (360, 1))  # brighter to the right
+    >>> Grid(640, 360).project(ramp)[:, 3, 5].round(1).tolist()
+    [-3.5, 0.0]
     """
 
     def __init__(
@@ -84,8 +82,8 @@ class Grid:
         self.shape = (height, width)
         self.largest = float(2**depth - 1)
         self._unit = 2.0 ** (depth - 8)
-        self._columns, across, across_norm = _axis(width, COLUMNS, region.left, region.width)
-        self._rows, down, down_norm = _axis(height, ROWS, region.top, region.height)
+        self._columns, across, across_norm = axis_factors(width, COLUMNS, region.left, region.width)
+        self._rows, down, down_norm = axis_factors(height, ROWS, region.top, region.height)
         self._quarter_columns = _borders(width, 4 * COLUMNS, region.left, region.width)
         self._quarter_rows = _borders(height, 4 * ROWS, region.top, region.height)
         nominal = (across_norm.max(axis=1), down_norm.max(axis=1))
@@ -121,13 +119,6 @@ class Grid:
         out /= self._unit
         return out
 
-    def paint(self, amplitude: FloatArray) -> NDArray[np.float32]:
-        """Pattern, shape (height, width), with these amplitudes, shape (2, 45, 80)."""
-        out = np.empty(self.shape, dtype=np.float32)
-        scaled = amplitude * self._unit
-        _kernels.paint_into(scaled, self._across, self._down, self._columns, self._rows, out)
-        return out
-
 
 def _kept(pixels: float, reduced: int) -> float:
     """Part of a sine over a cell of so many pixels that is left after reduction to them."""
@@ -135,8 +126,8 @@ def _kept(pixels: float, reduced: int) -> float:
     return float(np.sin(angle) / (reduced * np.sin(angle / reduced)))
 
 
-def _axis(
-    size: int, cells: int, start: float, length: float
+def axis_factors(
+    size: int, cells: int, start: float = 0.0, length: float = 1.0
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Cell borders, the factors dipole and hump per pixel, their squared norms per cell."""
     place = _places(size, cells, start, length)

@@ -12,6 +12,7 @@ from watermark.video import _place_kernels, search
 from watermark.video.bars import content_box
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import WHOLE, Grid, Region
+from watermark.video.painting import Painter
 from watermark.video.places import PlaceTable, source_taps
 from watermark.video.search import SCALE, PlaceSearch
 from watermark.video.timing import Timing
@@ -112,7 +113,7 @@ def test_black_picture_has_no_bars() -> None:
 def test_reduced_picture_has_the_amplitudes_of_the_whole_one() -> None:
     rng = np.random.default_rng(3)
     amplitude = rng.normal(0, 20, (2, 45, 80))
-    large = 128 + Grid(1440, 810).paint(amplitude)
+    large = 128 + Painter(1440, 810).paint(amplitude, np.zeros((45, 80), dtype=bool))
     small = large.reshape(270, 3, 480, 3).mean(axis=(1, 3))
     assert Grid(480, 270, reduced=3).project(small) == pytest.approx(amplitude, abs=0.2)
 

@@ -26,7 +26,7 @@ def test_round_trip(name: str) -> None:
     embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(name), profile=name)
     marked = mark(frames, embedder)
     assert len(marked) == len(frames)
-    assert psnr_db(frames, marked) > 51.5  # measured 51.9
+    assert psnr_db(frames, marked) > 50.8  # measured 51.06; without a smooth pattern in flat cells 51.9
     receiver = VideoReceiver(WIDTH, HEIGHT, 25)
     found = receive(marked, receiver)
     assert [(s.l0, s.l1) for s in found] == [source(name)(k) for k in range(5)]
@@ -204,9 +204,8 @@ def test_no_grid_of_dots() -> None:
     moved -= moved.mean()
     for axis in (0, 1):
         again = np.roll(moved, 16, axis)
-        assert (
-            float((moved * again).mean() / moved.var()) < 0.21
-        )  # measured 0.17, 0.18; rounded to nearest 0.23, 0.24
+        # Measured 0.05; 0.17, 0.18 with templates alone, 0.23, 0.24 rounded to nearest.
+        assert float((moved * again).mean() / moved.var()) < 0.08
 
 
 def test_a_programme_begins_marked_in_full() -> None:

@@ -15,6 +15,7 @@ from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid, Region
 from watermark.video.layout import make_layout
 from watermark.video.modes import Mode, make_modes
+from watermark.video.painting import Painter
 from watermark.video.profile import (
     COLUMNS,
     DATA,
@@ -51,12 +52,30 @@ def test_rounding_to_whole_levels_keeps_the_amplitudes() -> None:
     assert np.sqrt(np.mean(error**2)) < 0.08  # measured 0.05; 0.13 if rounded as it is
 
 
-def test_grid_ignores_brightness_and_separates_cells() -> None:
+def test_grid_ignores_brightness() -> None:
     grid = Grid(643, 367)
     assert np.abs(grid.project(np.full((367, 643), 200, dtype=np.uint8))).max() < 1e-3
+
+
+@pytest.mark.parametrize("size", [(320, 180), (643, 367), (1280, 720)])
+def test_patterns_have_their_amplitudes_and_no_lattice_in_flat_cells(size: tuple[int, int]) -> None:
     rng = np.random.default_rng(0)
-    amplitude = rng.normal(size=(2, 45, 80))
-    np.testing.assert_allclose(grid.project(grid.paint(amplitude)), amplitude, atol=0.02)
+    painter, grid = Painter(*size), Grid(*size)
+    amplitude = rng.uniform(-1, 1, (2, 45, 80))
+    mixed = rng.random((45, 80)) < 0.5
+    for flat in (mixed, mixed | True, mixed & False):
+        pattern = painter.paint(amplitude * np.where(flat, 1, 3), flat)
+        wanted = amplitude * np.where(flat, 1, 3)
+        np.testing.assert_allclose(grid.project(pattern), wanted, atol=0.002)
+        # Mean change of the pixels nearest to borders of cells, by that of all.
+        across, down = (
+            ((np.arange(n) + 0.5) * m / n) % 1 for n, m in zip(size, (80, 45), strict=True)
+        )
+        corners = abs(pattern)[np.ix_(abs(down - 0.5) > 0.36, abs(across - 0.5) > 0.36)]
+        if flat.all():
+            assert corners.mean() > 0.5 * abs(pattern).mean()
+        elif not flat.any():
+            assert corners.mean() < 0.3 * abs(pattern).mean()
 
 
 def test_positions_are_shared_out() -> None:
@@ -173,7 +192,8 @@ def test_kernels_agree_with_their_python() -> None:
     for name, arguments in {
         "project_into": (luma, across, down, columns, rows, np.empty((2, 3, 2))),
         "paint_into": (
-            rng.normal(size=(2, 3, 2)), across, down, columns, rows,
+            rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 5, 4)), across, down,
+            *(rng.normal(size=(2, 3, n)).astype(np.float32) for n in (11, 9)), columns, rows,
             np.empty((9, 11), dtype=np.float32),
         ),
         "texture_into": (
