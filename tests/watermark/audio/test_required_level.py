@@ -32,19 +32,23 @@ def noise(power: float, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(0, power, SUPERFRAME + HOP)
 
 
-def test_a_dense_passage_needs_more_than_a_tone() -> None:
+def need(mid: np.ndarray, side: np.ndarray) -> float:
+    """Level that a superframe after stillness needs."""
     designer = MarkDesigner(ROBUST, 0)
-    quiet = np.zeros(HOP), np.zeros(SUPERFRAME + HOP)
+    still = np.zeros(HOP)
+    spectra = designer.spectra_of(np.append(still, mid), np.append(still, side))
+    return designer.need(spectra)
+
+
+def test_a_dense_passage_needs_more_than_a_tone() -> None:
+    quiet = np.zeros(SUPERFRAME + HOP)
     tone = 0.2 * np.sin(0.05 * np.arange(SUPERFRAME + HOP)) + noise(1e-4)
-    dense = designer.need(quiet[0], noise(0.2), quiet[1])
-    assert dense > designer.need(quiet[0], tone, quiet[1]) + 2
+    assert need(noise(0.2), quiet) > need(tone, quiet) + 2
 
 
 def test_a_wide_side_takes_bits_from_the_mid() -> None:
-    designer = MarkDesigner(ROBUST, 0)
-    before, mid = np.zeros(HOP), noise(0.1)
-    mono = designer.need(before, mid, np.zeros(mid.size))
-    assert designer.need(before, mid, noise(0.1, 1)) > mono + 0.5
+    mid = noise(0.1)
+    assert need(mid, noise(0.1, 1)) > need(mid, np.zeros(mid.size)) + 0.5
 
 
 def test_more_bits_leave_less_noise() -> None:

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.embed.design import HostSpectra
 from watermark.audio.embed.stereo_design import StereoDesigner
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
@@ -204,6 +205,7 @@ class CodecLoop:
         levels: list[float],
         *,
         apart: bool = False,
+        clean: Sequence[HostSpectra] | None = None,
     ) -> None:
         """Try the next superframes, and learn from the output so far.
 
@@ -215,6 +217,8 @@ class CodecLoop:
             Level of each superframe, see `MarkDesigner.design`.
         apart : bool
             Whether cells stand in left and right, too: the side is marked.
+        clean : sequence of HostSpectra, optional
+            Those of each superframe, if known.
         """
         if self.count == 0:
             run_in = _run_in(2 if side.any() else 1)
@@ -227,7 +231,16 @@ class CodecLoop:
         for i, level in enumerate(levels):
             span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
             payload = self._anything()
-            made = self._designer.design(self._before, marked[:, span], payload, level, rounds=1)
+            # Just after an apart one, a superframe of the mid alone still has the side's end.
+            known = apart or not self._before[1].any()
+            made = self._designer.design(
+                self._before,
+                marked[:, span],
+                payload,
+                level,
+                rounds=1,
+                clean=clean[i] if clean is not None and known else None,
+            )
             marked[:, span] += made.mark
             self._before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
             if made.carries:

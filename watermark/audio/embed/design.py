@@ -22,8 +22,9 @@ from watermark.audio.signal.profile import HOP, PILOT_SLOTS, AudioProfile
 from watermark.audio.signal.required_level import coder_noise, needed_level
 from watermark.link.link import Link
 
-ITERATIONS = 3
-"""Rounds of deriving the mask again; further ones gain nothing at the receiver."""
+ITERATIONS = 2
+"""Rounds of deriving the mask. A third one brings 0.7 % of the information of sound that no coder
+has touched, and nothing that five clips showed through AAC at 128 kbit/s."""
 
 ATTACK_BLOCK, ATTACK_BEFORE, ATTACK = 120, 8, 16.0
 """Samples of a block, blocks before it, and by how much its power must exceed theirs, to be an
@@ -37,6 +38,20 @@ HEARD_BEFORE = 120
 
 CARRYING = 0.35
 """A superframe with a smaller share of living cells cannot carry and is left as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostSpectra:
+    """Spectra of a superframe's sound without any mark, and of the frame before.
+
+    Attributes
+    ----------
+    mid, side : ndarray of complex64, shape (65, HOP)
+        `side` has no frames where it is silence.
+    """
+
+    mid: NDArray[np.complex64]
+    side: NDArray[np.complex64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +89,7 @@ class MarkDesigner:
         gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
         leaning: int | None = MID,
+        clean: HostSpectra | None = None,
     ) -> MarkedSuperframe:
         """Design a mark.
 
@@ -94,11 +110,13 @@ class MarkDesigner:
             How often the mask is derived.
         leaning : int, optional
             Place towards which pilots lean in two channels; with None, all cells stand in the mid.
+        clean : HostSpectra, optional
+            Those of the programme, if known.
         """
         sound = np.concatenate([before[0], host[0]])
         wanted, announced = self._wanted(sound, payload)
         mark = np.zeros(host.shape, dtype=np.float32)
-        spectra = self._spectra(sound)
+        spectra = self._spectra(sound, None if clean is None else clean.mid)
         coefficients = np.ascontiguousarray(spectra[1:, : self._end].real)
         for left in reversed(range(rounds)):
             unit = self._units(spectra, spectra[:0])[0]
@@ -113,8 +131,21 @@ class MarkDesigner:
                 spectra = self._spectra(sound)
         return MarkedSuperframe(mark, carries=True)
 
-    def _spectra(self, sound: NDArray[np.float64]) -> NDArray[np.complex64]:
-        """Spectra of the frames of samples, shape (65, HOP)."""
+    def spectra_of(self, mid: NDArray[np.float64], side: NDArray[np.float64]) -> HostSpectra:
+        """Analyse a superframe's sound, shapes (HOP + SUPERFRAME + HOP,), for `design`, `need`."""
+        seen = self._spectra(mid)
+        return HostSpectra(seen, self._spectra(side) if side.any() else seen[:0])
+
+    def _spectra(
+        self, sound: NDArray[np.float64], clean: NDArray[np.complex64] | None = None
+    ) -> NDArray[np.complex64]:
+        """Spectra of the frames of samples, shape (65, HOP).
+
+        The mark before reaches into the first two frames; the others are `clean` where given.
+        """
+        if clean is not None and clean.size:
+            first = analyse(frames_of(sound[: 3 * HOP].astype(np.float32), HOP), HOP)
+            return np.concatenate([first, clean[2:]])
         frames: NDArray[np.complex64] = analyse(frames_of(sound.astype(np.float32), HOP), HOP)
         return frames
 
@@ -126,23 +157,10 @@ class MarkDesigner:
         units = self._masker.units(thresholds[:, 1:], thresholds[:, :-1])[..., : self._bands]
         return np.repeat(units.astype(np.float32), self._widths, axis=2)
 
-    def need(
-        self, before: NDArray[np.float64], mid: NDArray[np.float64], side: NDArray[np.float64]
-    ) -> float:
-        """Level that the superframe needs in a coder short of bits, see `coder_demand`.
-
-        Parameters
-        ----------
-        before : ndarray of float64, shape (HOP,)
-            Finished samples just before the superframe.
-        mid, side : ndarray of float64, shape (SUPERFRAME + HOP,)
-            The programme; `side` is silence where there is none.
-        """
-        spectra = self._spectra(np.concatenate([before, mid]))
-        unit = self._units(spectra, spectra[:0])[0]
-        coded = [_powers(spectra[1:])]
-        if side.any():
-            coded.append(_powers(self._spectra(side)))
+    def need(self, clean: HostSpectra) -> float:
+        """Level that the superframe needs in a coder short of bits, see `coder_demand`."""
+        unit = self._units(clean.mid, clean.mid[:0])[0]
+        coded = [_powers(spectra[1:]) for spectra in (clean.mid, clean.side) if spectra.size]
         noise = coder_noise(coded, self._masker, self._profile.coder_bits)
         return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
-from watermark.audio.embed.design import MarkDesigner
+from watermark.audio.embed.design import HostSpectra, MarkDesigner
 from watermark.audio.embed.gain_smoothing import GainSmoothing
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.multichannel import MarkShares
@@ -182,7 +182,8 @@ class AudioEmbedder:
         self._stretch_length = stretch
         # With a codec in the loop, the stretch after this one is tried before this one is written.
         self._ahead = stretch if self._rehearsal else 0
-        self._needs: dict[int, float] = {}
+        # Of the superframes from the next one on that were looked at: clean spectra and need.
+        self._looked: dict[int, tuple[HostSpectra, float]] = {}
         self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
         self._level = level or 0
         self._apart = self._control is None
@@ -289,7 +290,7 @@ class AudioEmbedder:
         if self._control is None:
             made = self._stretch(host, side, payloads, [self._level] * count)
         else:
-            needs = [self._need(k) for k in numbers]
+            needs = [self._look(k)[1] for k in numbers]
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
             control, sufficient = self._control, self._sufficient_base()
             lowered = MOST_LOWERED + control.overdrawn
@@ -331,6 +332,8 @@ class AudioEmbedder:
         self._taken.append(taken)
         self._silent += [k for k, silent in zip(numbers, made.silent, strict=True) if silent]
         self._note_margins(made)
+        for k in numbers:
+            self._looked.pop(k, None)
         self._next += count
         done = int((self._next * SUPERFRAME - HOP) * ratio) - 2 * self._host.reach(ratio)
         for tape in (self._host, self._side):
@@ -355,13 +358,14 @@ class AudioEmbedder:
             return
         while (first := self._rehearsal.count) < end:
             count = min(self._stretch_length, end - first)
-            needs = [self._need(k) for k in range(first, first + count)]
+            looked = [self._look(k) for k in range(first, first + count)]
             base = self._control.base if self._enough else FIRST_BASE
-            levels = [_level(base, need) for need in needs]
             self._rehearsal.send(
-                *self._sound(first, count), levels, apart=self._rows == 2 and self._apart
+                *self._sound(first, count),
+                [_level(base, need) for _, need in looked],
+                apart=self._rows == 2 and self._apart,
+                clean=[spectra for spectra, _ in looked],
             )
-            self._needs |= dict(zip(range(first, first + count), needs, strict=True))
 
     def _sufficient_base(self) -> float | None:
         """Return the base level that suffices for half a passage, None if unknown."""
@@ -382,12 +386,12 @@ class AudioEmbedder:
         scatter = max(float(np.var(self._enough)), MEASURED**2)
         return usual + max(1 - MEASURED**2 / scatter, LEAST_TRUST) * (level - usual)
 
-    def _need(self, number: int) -> float:
-        """Level that a superframe needs."""
-        if number in self._needs:
-            return self._needs.pop(number)
-        mid, side = self._sound(number, 1, before=HOP)
-        return self._designer.need(mid[:HOP], mid[HOP:], side[HOP:])
+    def _look(self, number: int) -> tuple[HostSpectra, float]:
+        """Spectra of a superframe without its mark, and the level that it needs."""
+        if number not in self._looked:
+            spectra = self._designer.spectra_of(*self._sound(number, 1, before=HOP))
+            self._looked[number] = spectra, self._designer.need(spectra)
+        return self._looked[number]
 
     def _sound(
         self, first: int, count: int, *, before: int = 0
@@ -417,8 +421,15 @@ class AudioEmbedder:
             for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
                 leaning = leaning_of(self._next + i) if self._apart else None
+                seen = self._looked.get(self._next + i)
                 made = self._designer.design(
-                    before, marked[:, span], payload, level, gains=parts[i], leaning=leaning
+                    before,
+                    marked[:, span],
+                    payload,
+                    level,
+                    gains=parts[i],
+                    leaning=leaning,
+                    clean=None if seen is None else seen[0],
                 )
                 marked[:, span] += made.mark
                 before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]

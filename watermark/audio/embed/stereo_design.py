@@ -11,7 +11,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from watermark.audio.embed.design import CARRYING, ITERATIONS, MarkDesigner, MarkedSuperframe
+from watermark.audio.embed.design import (
+    CARRYING,
+    ITERATIONS,
+    HostSpectra,
+    MarkDesigner,
+    MarkedSuperframe,
+)
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import Cells
@@ -52,17 +58,21 @@ class StereoDesigner(MarkDesigner):
         gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
         leaning: int | None = MID,
+        clean: HostSpectra | None = None,
     ) -> MarkedSuperframe:
         """Design a mark of mid and side, shapes (2, HOP) and (2, SUPERFRAME + HOP)."""
         # Without a side the sound is mono: the plain design gives the same mark in mid.
         if not (before[1].any() or host[1].any()):
-            plain = super().design(before[:1], host[:1], payload, level, gains=gains, rounds=rounds)
+            plain = super().design(
+                before[:1], host[:1], payload, level, gains=gains, rounds=rounds, clean=clean
+            )
             return MarkedSuperframe(
                 np.stack([plain.mark[0], np.zeros(host.shape[1])]), plain.carries
             )
         sound = np.concatenate([before, host], axis=1)
         wanted, announced = self._wanted(sound[0], payload)
-        spectra = [self._spectra(x) for x in sound]
+        known = (None, None) if clean is None else (clean.mid, clean.side)
+        spectra = [self._spectra(x, seen) for x, seen in zip(sound, known, strict=True)]
         coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
         mark = np.zeros(host.shape, dtype=np.float32)
         places = np.full_like(self._places, MID) if leaning is None else self._places
