@@ -77,13 +77,11 @@ def spread_into(
     n = bands.size
     width = 27.0 / (n - 1)  # of a band in Bark, see `ear.SPREAD_BARK`
     lower = 10.0 ** (-2.7 * width * 0.4)
-    share, step = np.empty(n + 3), np.empty(n + 3)
-    for b in range(n, n + 3):
-        share[b], step[b] = 0.0, 0.0
+    share, step = np.empty(n), np.empty(n)
     for b in range(n):
         out[b] = 0.0
         level = math.log(bands[b])
-        fall = math.log(upper_slope[b]) + 0.2 * width * level
+        fall = upper_slope[b] + 0.2 * width * level
         slope, beyond = math.exp(fall), (n - b) * fall
         # Below e**-40 the rest of the series is lost in rounding.
         rest = math.exp(beyond) if beyond > -40.0 else 0.0
@@ -94,24 +92,12 @@ def spread_into(
     for b in range(n - 1, -1, -1):
         out[b] += below
         below = lower * (below + share[b])
-    for b in range(0, n, 4):
-        # Four slopes at once do not wait for each other's products.
-        s0, s1, s2, s3 = share[b], share[b + 1], share[b + 2], share[b + 3]
-        for m in range(b, min(b + 3, n)):
-            out[m] += s0
-            s0 *= step[b]
-            if m > b:
-                out[m] += s1
-                s1 *= step[b + 1]
-            if m > b + 1:
-                out[m] += s2
-                s2 *= step[b + 2]
-        for m in range(b + 3, n):
-            out[m] += (s0 + s1) + (s2 + s3)
-            s0 *= step[b]
-            s1 *= step[b + 1]
-            s2 *= step[b + 2]
-            s3 *= step[b + 3]
+    # All bands at once go up band by band: their products do not wait for each other.
+    for distance in range(n):
+        reached = out[distance:]
+        for b in range(reached.size):
+            reached[b] += share[b]
+            share[b] *= step[b]
     for b in range(n):
         out[b] = out[b] * out[b] * math.sqrt(out[b]) / unit[b]
 

@@ -57,8 +57,8 @@ class EarTables:
     first_share, last_share : ndarray, shape (bands,)
         Parts of those two bins that belong to the band.
     bands : ndarray, shape (9, bands)
-        Per band: internal noise; level-independent part of the upper slope of spreading; sum of
-        its lower slope; its response to a flat unit; decay per frame of time spreading (30 ms at
+        Per band: internal noise; natural logarithm of the level-independent part of the upper slope
+        of spreading; sum of its lower slope; its response to a flat unit; decay per frame of time spreading (30 ms at
         100 Hz) and of adaptation (50 ms at 100 Hz); excitation at the threshold and threshold
         index of the loudness formula; masking threshold divided by excitation.
     """
@@ -125,7 +125,7 @@ def ear_tables(bands: int = BANDS) -> EarTables:
     width = SPREAD_BARK / (bands - 1)
     # Slopes of the spreading function (BS.1387) in dB per Bark: 27 downwards, 24 + 230 / f upwards,
     # which the kernels lessen with level.
-    upper_slope = np.power(10.0, (-2.4 - 23 / centre) * width)
+    upper_slope = np.log(10) * (-2.4 - 23 / centre) * width
     band = np.arange(bands)
     lower_gain = np.cumsum(np.power(10.0 ** (-2.7 * width), band.astype(np.float64)))
     # Masking offset: 3 dB up to 12 Bark, then a quarter of the distance.
