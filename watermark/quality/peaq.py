@@ -32,7 +32,7 @@ from watermark.quality.stream import Bounded, Frames, Intake, active_frames
 
 FloatArray = NDArray[np.float64]
 
-_BATCH = 8  # frames analysed at once; bounds the memory
+_BATCH = 32  # frames analysed at once; bounds the memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,9 +72,10 @@ T = TypeVar("T", bound=Attempt)
 
 @dataclass(frozen=True, slots=True)
 class _HeardAttempt(Generic[T]):
-    """An attempt, the meter that has heard it, and its own grade, None for silence."""
+    """An attempt, its base, the meter that has heard it, and its own grade, None for silence."""
 
     made: T
+    base: float | None
     meter: PeaqMeter
     grade: float | None
 
@@ -106,8 +107,9 @@ counts the worst moment by itself."""
 RIPE = 0.25
 """Least maturity for that: a quarter of a passage."""
 
-SOFTER, SOFTER_TRIALS = 0.75, 3
-"""Step of that trial in levels, and the number of trials."""
+SOFTER, MOST_STEPS = 0.75, 3
+"""Step of that trial in levels, and the number of steps. One takes about half of such a loss: the
+median of 15 in the 120 s of the bench's programme."""
 
 SHORT = 0.06
 """Above the lowest grade by less than this, moments that are noticed most are relieved."""
@@ -139,12 +141,12 @@ class _Passage:
         """Grade of all that was heard so far, None for silence."""
         return _odg(self._meter, WHOLE)
 
-    def spoilt(self, meter: PeaqMeter) -> bool:
-        """Whether a meter's last stretch has cost a passage more than a stretch may."""
+    def loss(self, meter: PeaqMeter) -> float:
+        """Grade that a meter's last stretch has cost a passage, 0 where that is not known yet."""
         grade = _odg(meter, self._older)
         if self.maturity < RIPE or self.last is None or grade is None:
-            return False
-        return grade < self.last - SPOILT
+            return 0.0
+        return self.last - grade
 
     def grade_with(self, meter: PeaqMeter) -> float | None:
         """Grade of the passage with a meter's last stretch."""
@@ -243,7 +245,7 @@ class LevelControl:
 
         def hear(base: float | None) -> _HeardAttempt[T]:
             made = attempt(base, relief)
-            return _HeardAttempt(made, *self._passage.tried(made))
+            return _HeardAttempt(made, base, *self._passage.tried(made))
 
         chosen = hear(self.base)
         if (grade := chosen.grade) is not None:
@@ -256,20 +258,21 @@ class LevelControl:
             elif grade < self._wanted - GIVE_UP:
                 chosen = self._soften(hear, grade)
             self._started = True
-            base = self.base
             # Quieter where the grade is short and louder elsewhere: kept only if the whole grades
             # better.
             if (relief := self._relief(chosen)) is not None:
-                relieved = hear(base)
+                relieved = hear(chosen.base)
                 if self._better(relieved, chosen):
                     chosen = relieved
                 else:
                     relief = None
             # Last resort: step down until the passage is no more spoilt, but never below `least`.
-            softest = max(self.base - SOFTER * SOFTER_TRIALS, least)
-            while self._spoils(chosen) and base > softest:
-                base = max(base - SOFTER, softest)
-                chosen = hear(base)
+            softest = max(self.base - SOFTER * MOST_STEPS, least)
+            while (base := chosen.base) is not None and base > softest:
+                if (loss := self._spoilt(chosen)) <= SPOILT:
+                    break
+                steps = max(round(math.log2(loss / SPOILT)), 1)
+                chosen = hear(max(base - SOFTER * steps, softest))
         passage = self._passage.add(chosen.meter, self.base, len(chosen.made.clean))
         if passage is not None and grade is not None:
             self._learn(passage)
@@ -311,10 +314,10 @@ class LevelControl:
             return False
         return own > own_before + RELIEVED and passage >= passage_before
 
-    def _spoils(self, heard: _HeardAttempt[T]) -> bool:
-        """Whether a stretch drags the passage below its grade by itself."""
+    def _spoilt(self, heard: _HeardAttempt[T]) -> float:
+        """Return what a stretch takes from the passage's grade by itself being below it."""
         low = heard.grade is not None and heard.grade < self._target
-        return low and self._passage.spoilt(heard.meter)
+        return self._passage.loss(heard.meter) if low else 0.0
 
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
