@@ -1,9 +1,9 @@
 """Show the effect of a constant of the embedder: grade, margins and losses with other values.
 
-In: ``NAME=VALUE`` for constants of `watermark.audio.embed` (codec_loop, embedder, level_control,
-gain_smoothing), and clips; out: a line for each clip as shipped, and one for each changed constant.
+In: ``NAME=VALUE`` for constants of `watermark.audio.embed` (codec_loop, embedder,
+level_control), and clips; out: a line for each clip as shipped, and one for each changed constant.
 A constant without an effect here deserves a round value, or none.
-Run: ``python -m tests.bench.level_constants MARGIN=1.9 SOFTENED=1 --clips CLIP ...``; with
+Run: ``python -m tests.bench.level_constants MARGIN=1.9 SPOILT=1 --clips CLIP ...``; with
 ``--through mp2:192k+aac:128k`` for other coders, ``--channels`` to receive as well.
 """
 
@@ -17,13 +17,13 @@ import numpy as np
 from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import find_channel
 from receiver.media.sound import read_sound
-from watermark.audio.embed import codec_loop, embedder, gain_smoothing, level_control
+from watermark.audio.embed import codec_loop, embedder, level_control
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
-MODULES: tuple[ModuleType, ...] = (codec_loop, embedder, level_control, gain_smoothing)
+MODULES: tuple[ModuleType, ...] = (codec_loop, embedder, level_control)
 BLOCK = 4800
 
 

@@ -58,9 +58,9 @@ class EarTables:
         Parts of those two bins that belong to the band.
     bands : ndarray, shape (9, bands)
         Per band: internal noise; natural logarithm of the level-independent part of the upper slope
-        of spreading; sum of its lower slope; its response to a flat unit; decay per frame of time spreading (30 ms at
-        100 Hz) and of adaptation (50 ms at 100 Hz); excitation at the threshold and threshold
-        index of the loudness formula; masking threshold divided by excitation.
+        of spreading; sum of its lower slope; its response to a flat unit; decay per frame of time
+        spreading (30 ms at 100 Hz) and of adaptation (50 ms at 100 Hz); excitation at the threshold
+        and threshold index of the loudness formula; masking threshold divided by excitation.
     """
 
     window: FloatArray

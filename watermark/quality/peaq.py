@@ -81,12 +81,6 @@ class PeaqMeter:
     segment_s : float, optional
         Also grade every stretch of this length by itself (`process` returns those grades).
 
-    Attributes
-    ----------
-    detections : ndarray of float64, shape (n,)
-        Probability that a listener detects a difference in each frame that the last call of
-        `process` completed.
-
     Raises
     ------
     CueError
@@ -110,7 +104,6 @@ class PeaqMeter:
         self._frames = Frames(channels, FRAME, HOP, _BATCH)
         self._state = np.zeros((channels, 14, BANDS))
         self._frame = 0
-        self.detections = np.empty(0)
         self._audible_from: int | None = None
         self._averages = {WHOLE: self._fresh()}
         if self._segment_frames:
@@ -134,7 +127,6 @@ class PeaqMeter:
         CueError
             If the two blocks differ in shape.
         """
-        self.detections = np.empty(0)
         return self._analyse_all(self._intake.take(reference, test))
 
     def begin(self, name: str) -> None:
@@ -198,7 +190,6 @@ class PeaqMeter:
             _run_model(power, self._state[c], features[c], probability, steps)
         # Bands detect independently: a difference is missed only if all of them miss it.
         detection = 1 - np.prod(1 - probability, axis=1)
-        self.detections = np.concatenate([self.detections, detection])
         by_frame, ehs = (
             np.ascontiguousarray(features.transpose(1, 0, 2)),
             np.ascontiguousarray(ehs.T),

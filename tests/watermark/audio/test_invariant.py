@@ -172,7 +172,7 @@ class Loud:
 
 def test_need_that_is_heard() -> None:
     """A stretch whose needs are heard at any base is written without them, not left unmarked."""
-    made = LevelControl(USUAL_GRADE, 1).settle(lambda base, relief: Loud(base))
+    made = LevelControl(USUAL_GRADE, 1).settle(Loud)
     assert made.base == QUIETEST
 
 

@@ -86,7 +86,6 @@ class MarkDesigner:
         payload: tuple[bytes, bytes],
         level: float,
         *,
-        gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
         leaning: int | None = MID,
         clean: HostSpectra | None = None,
@@ -104,8 +103,6 @@ class MarkDesigner:
         level : float
             Index into `LEVELS`; what lies between two of them has the step of the nearer one and a
             part of the quantisation error that makes up for it.
-        gains : ndarray of float64, shape (64,), optional
-            Gain of each frame's mark.
         rounds : int
             How often the mask is derived.
         leaning : int, optional
@@ -123,8 +120,6 @@ class MarkDesigner:
             change, living = self._change(coefficients, unit, wanted, announced, level)
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)
-            if gains is not None:
-                change *= gains[:, np.newaxis]
             mark[0] = synthesise(change, HOP)
             if left:
                 sound[HOP:] = host[0] + mark[0]

@@ -7,7 +7,7 @@ Specification: spec/audio-carrier.md, W5 to W7, W20 and W21.
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
 from watermark.audio.embed.design import HostSpectra, MarkDesigner
-from watermark.audio.embed.gain_smoothing import GainSmoothing
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.multichannel import MarkShares
 from watermark.audio.embed.report import EmbedReport, SuperframeMargin
@@ -95,8 +94,6 @@ class _Stretch:
         For each superframe, whether it cannot carry.
     levels : list of float, or None
         Their levels; None where nothing was written.
-    parts : sequence of ndarray, or of None
-        Parts of their marks that are left, see `GainSmoothing.parts`.
     """
 
     clean: NDArray[np.float64]
@@ -107,7 +104,6 @@ class _Stretch:
     divided: NDArray[np.float64]
     silent: tuple[bool, ...]
     levels: list[float] | None
-    parts: Sequence[NDArray[np.float64] | None]
 
 
 class AudioEmbedder:
@@ -301,7 +297,7 @@ class AudioEmbedder:
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
-            def attempt(base: float | None, relief: GainSmoothing | None = None) -> _Stretch:
+            def attempt(base: float | None) -> _Stretch:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
@@ -313,16 +309,13 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                if levels is None or relief is None:
-                    return self._stretch(host, side, payloads, levels)
-                levels = [_level(x + y) for x, y in zip(levels, relief.levels(), strict=True)]
-                return self._stretch(host, side, payloads, levels, list(relief.parts()))
+                return self._stretch(host, side, payloads, levels)
 
             made = control.settle(attempt, enough=sufficient, least=floor)
             if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):
                 # Whether the grade suffices is known by now: what was settled, written apart.
                 self._apart = True
-                made = self._stretch(host, side, payloads, made.levels, made.parts)
+                made = self._stretch(host, side, payloads, made.levels)
             if sufficient is not None:
                 control.strive(sufficient - EASE - control.base)
         self._before, self._tail = made.end, made.tail
@@ -341,13 +334,12 @@ class AudioEmbedder:
         self._shares.forget(done)
 
     def _note_margins(self, made: _Stretch) -> None:
-        """Keep the margins of a stretch; a softened part takes what its level was raised by."""
+        """Keep the margins of a stretch."""
         if self._rehearsal is None or made.levels is None:
             return
-        for i, (level, part) in enumerate(zip(made.levels, made.parts, strict=True)):
-            softened = 0.0 if part is None else math.log2(float(np.square(part).mean()))
+        for i, level in enumerate(made.levels):
             number = self._next + i
-            found = self._rehearsal.margin(number, level + LEVELS_PER_DOUBLING * softened)
+            found = self._rehearsal.margin(number, level)
             if found is not None and not made.silent[i]:
                 loudest = level >= len(LEVELS) - 1
                 self._margins.append(SuperframeMargin(number, *found, loudest))
@@ -407,7 +399,6 @@ class AudioEmbedder:
         side: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
         levels: list[float] | None,
-        parts: Sequence[NDArray[np.float64] | None] | None = None,
     ) -> _Stretch:
         """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
         sound = np.stack([host, side][: self._rows])
@@ -416,7 +407,6 @@ class AudioEmbedder:
         # Superframes overlap by a hop: each is designed on the sound that has its predecessor's
         # mark already.
         before, silent = self._before, [True] * len(payloads)
-        parts = parts or [None] * len(payloads)
         if levels is not None:
             for i, (payload, level) in enumerate(zip(payloads, levels, strict=True)):
                 span = slice(i * SUPERFRAME, (i + 1) * SUPERFRAME + HOP)
@@ -427,7 +417,6 @@ class AudioEmbedder:
                     marked[:, span],
                     payload,
                     level,
-                    gains=parts[i],
                     leaning=leaning,
                     clean=None if seen is None else seen[0],
                 )
@@ -449,7 +438,6 @@ class AudioEmbedder:
             divided=divided,
             silent=tuple(silent),
             levels=levels,
-            parts=parts,
         )
 
     def _finished(self) -> int:

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.gain_smoothing import GainSmoothing, Moments
-from watermark.audio.signal.profile import FS, HOP, LEVELS
+from watermark.audio.signal.profile import FS, LEVELS
 from watermark.quality import PeaqMeter
 from watermark.quality.peaq import WHOLE
 
@@ -111,13 +110,6 @@ SOFTER, MOST_STEPS = 0.75, 3
 """Step of that trial in levels, and the number of steps. One takes about half of such a loss: the
 median of 15 in the 120 s of the bench's programme."""
 
-SHORT = 0.06
-"""Above the lowest grade by less than this, moments that are noticed most are relieved."""
-
-RELIEVED = 0.01
-"""Gain of a stretch's own grade that relief must bring, with as much information as before. Where
-levels made up for half of it only, the demonstration lost 2 of 126 superframes, so none."""
-
 
 class _Passage:
     """Running grade and mean base of the last half to whole passage, by one meter that runs on."""
@@ -127,7 +119,6 @@ class _Passage:
         for name in HALVES:
             self._meter.begin(name)
         self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
-        self._moments = Moments()
         self._count = 0
         self.last: float | None = None
         self.maturity = 0.0
@@ -148,14 +139,6 @@ class _Passage:
             return 0.0
         return self.last - grade
 
-    def grade_with(self, meter: PeaqMeter) -> float | None:
-        """Grade of the passage with a meter's last stretch."""
-        return _odg(meter, self._older)
-
-    def relief(self, meter: PeaqMeter, samples: int) -> NDArray[np.float64] | None:
-        """Gains that soften the most noticeable moments of a meter's last stretch."""
-        return self._moments.gains(meter.detections, samples // HOP)
-
     def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
         """Let a copy of the meter hear an attempt; give it and the attempt's own grade."""
         meter = copy.deepcopy(self._meter)
@@ -163,10 +146,9 @@ class _Passage:
         meter.process(attempt.clean, attempt.marked)
         return meter, _odg(meter, OWN)
 
-    def add(self, meter: PeaqMeter, base: float, samples: int) -> float | None:
+    def add(self, meter: PeaqMeter, base: float) -> float | None:
         """Go on from the attempt that was chosen; return the passage's grade, None for silence."""
         self._meter = meter
-        self._moments.add(meter.detections, samples)
         for bases in self._bases.values():
             bases.append(base)
         older = self._older
@@ -208,7 +190,7 @@ class LevelControl:
     def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
         if not -4 < target < 0:
             raise CueError(f"grade {target} to aim at is not within -4..0")
-        self._wanted, self._rehearsed = target, quiet
+        self._wanted = target
         self._best = max(target, QUIET_GRADE) if quiet else target
         self._target = target
         self.base = START_BASE
@@ -222,7 +204,7 @@ class LevelControl:
 
     def settle(
         self,
-        attempt: Callable[[float | None, GainSmoothing | None], T],
+        attempt: Callable[[float | None], T],
         *,
         enough: float | None = None,
         least: float = -math.inf,
@@ -232,8 +214,7 @@ class LevelControl:
         Parameters
         ----------
         attempt : callable
-            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None;
-            with relief where that is given.
+            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None.
         enough : float, optional
             Base level that suffices; a better grade is aimed at where it is below that of the
             wanted one.
@@ -241,10 +222,9 @@ class LevelControl:
             Base level below which superframes would fail: only a stretch that grades far too low
             by itself is written more softly.
         """
-        relief: GainSmoothing | None = None
 
         def hear(base: float | None) -> _HeardAttempt[T]:
-            made = attempt(base, relief)
+            made = attempt(base)
             return _HeardAttempt(made, base, *self._passage.tried(made))
 
         chosen = hear(self.base)
@@ -258,14 +238,6 @@ class LevelControl:
             elif grade < self._wanted - GIVE_UP:
                 chosen = self._soften(hear, grade)
             self._started = True
-            # Quieter where the grade is short and louder elsewhere: kept only if the whole grades
-            # better.
-            if (relief := self._relief(chosen)) is not None:
-                relieved = hear(chosen.base)
-                if self._better(relieved, chosen):
-                    chosen = relieved
-                else:
-                    relief = None
             # Last resort: step down until the passage is no more spoilt, but never below `least`.
             softest = max(self.base - SOFTER * MOST_STEPS, least)
             while (base := chosen.base) is not None and base > softest:
@@ -273,7 +245,7 @@ class LevelControl:
                     break
                 steps = max(round(math.log2(loss / SPOILT)), 1)
                 chosen = hear(max(base - SOFTER * steps, softest))
-        passage = self._passage.add(chosen.meter, self.base, len(chosen.made.clean))
+        passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
         self.base = max(self.base, least)
@@ -295,24 +267,6 @@ class LevelControl:
         """Aim at another grade, better or as far as the wanted one, where levels lack or exceed."""
         change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
         self._target = min(max(self._target + change, self._wanted), self._best)
-
-    def _relief(self, heard: _HeardAttempt[T]) -> GainSmoothing | None:
-        """Relief to try where a rehearsed stretch and its passage have hardly any grade left."""
-        passage = self._passage.grade_with(heard.meter)
-        if not self._rehearsed or passage is None or passage > self._wanted + SHORT:
-            return None
-        if heard.grade is None or heard.grade > self._wanted:
-            return None
-        gains = self._passage.relief(heard.meter, len(heard.made.clean))
-        return None if gains is None else GainSmoothing(gains)
-
-    def _better(self, heard: _HeardAttempt[T], than: _HeardAttempt[T]) -> bool:
-        """Whether relief serves the stretch, and its passage not worse."""
-        own, passage = heard.grade, self._passage.grade_with(heard.meter)
-        own_before, passage_before = than.grade, self._passage.grade_with(than.meter)
-        if own is None or own_before is None or passage is None or passage_before is None:
-            return False
-        return own > own_before + RELIEVED and passage >= passage_before
 
     def _spoilt(self, heard: _HeardAttempt[T]) -> float:
         """Return what a stretch takes from the passage's grade by itself being below it."""

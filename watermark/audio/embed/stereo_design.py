@@ -55,7 +55,6 @@ class StereoDesigner(MarkDesigner):
         payload: tuple[bytes, bytes],
         level: float,
         *,
-        gains: NDArray[np.float64] | None = None,
         rounds: int = ITERATIONS,
         leaning: int | None = MID,
         clean: HostSpectra | None = None,
@@ -63,9 +62,7 @@ class StereoDesigner(MarkDesigner):
         """Design a mark of mid and side, shapes (2, HOP) and (2, SUPERFRAME + HOP)."""
         # Without a side the sound is mono: the plain design gives the same mark in mid.
         if not (before[1].any() or host[1].any()):
-            plain = super().design(
-                before[:1], host[:1], payload, level, gains=gains, rounds=rounds, clean=clean
-            )
+            plain = super().design(before[:1], host[:1], payload, level, rounds=rounds, clean=clean)
             return MarkedSuperframe(
                 np.stack([plain.mark[0], np.zeros(host.shape[1])]), plain.carries
             )
@@ -88,8 +85,6 @@ class StereoDesigner(MarkDesigner):
             if living < CARRYING:
                 return MarkedSuperframe(np.zeros(host.shape), carries=False)
             change += self._leaning(coefficients, units, announced, level, leaning or MID)
-            if gains is not None:
-                change *= gains[:, np.newaxis]
             mark = np.stack([synthesise(part, HOP) for part in change])
             if left:
                 sound[:, HOP:] = host + mark
