@@ -40,18 +40,9 @@ CARRYING = 0.35
 """A superframe with a smaller share of living cells cannot carry and is left as it is."""
 
 
-@dataclass(frozen=True, slots=True)
-class HostSpectra:
-    """Spectra of a superframe's sound without any mark, and of the frame before.
-
-    Attributes
-    ----------
-    mid, side : ndarray of complex64, shape (65, HOP)
-        `side` has no frames where it is silence.
-    """
-
-    mid: NDArray[np.complex64]
-    side: NDArray[np.complex64]
+HostSpectra = tuple[NDArray[np.complex64], NDArray[np.complex64]]
+"""Spectra of mid and side of a superframe without any mark, and of the frame before: each of shape
+(65, HOP), without frames where the side is silence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +104,7 @@ class MarkDesigner:
         sound = np.concatenate([before[0], host[0]])
         wanted, announced = self._wanted(sound, payload)
         mark = np.zeros(host.shape, dtype=np.float32)
-        spectra = self._spectra(sound, None if clean is None else clean.mid)
+        spectra = self._spectra(sound, None if clean is None else clean[0])
         coefficients = np.ascontiguousarray(spectra[1:, : self._end].real)
         for left in reversed(range(rounds)):
             unit = self._units(spectra, spectra[:0])[0]
@@ -129,7 +120,7 @@ class MarkDesigner:
     def spectra_of(self, mid: NDArray[np.float64], side: NDArray[np.float64]) -> HostSpectra:
         """Analyse a superframe's sound, shapes (HOP + SUPERFRAME + HOP,), for `design`, `need`."""
         seen = self._spectra(mid)
-        return HostSpectra(seen, self._spectra(side) if side.any() else seen[:0])
+        return seen, self._spectra(side) if side.any() else seen[:0]
 
     def _spectra(
         self, sound: NDArray[np.float64], clean: NDArray[np.complex64] | None = None
@@ -154,8 +145,8 @@ class MarkDesigner:
 
     def need(self, clean: HostSpectra) -> float:
         """Level that the superframe needs in a coder short of bits, see `coder_demand`."""
-        unit = self._units(clean.mid, clean.mid[:0])[0]
-        coded = [_powers(spectra[1:]) for spectra in (clean.mid, clean.side) if spectra.size]
+        unit = self._units(clean[0], clean[0][:0])[0]
+        coded = [_powers(spectra[1:]) for spectra in clean if spectra.size]
         noise = coder_noise(coded, self._masker, self._profile.coder_bits)
         return needed_level(noise, unit, self._masker, self._layout.cells, self._profile)
 

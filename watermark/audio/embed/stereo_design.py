@@ -68,7 +68,7 @@ class StereoDesigner(MarkDesigner):
             )
         sound = np.concatenate([before, host], axis=1)
         wanted, announced = self._wanted(sound[0], payload)
-        known = (None, None) if clean is None else (clean.mid, clean.side)
+        known = (None, None) if clean is None else clean
         spectra = [self._spectra(x, seen) for x, seen in zip(sound, known, strict=True)]
         coefficients = channels_of(*(spectrum[1:, : self._end].real for spectrum in spectra))
         mark = np.zeros(host.shape, dtype=np.float32)
