@@ -104,6 +104,8 @@ def seen_into(
     goal: NDArray[np.float64],
     gram: NDArray[np.float64],
     clear: NDArray[np.float64],
+    asked: int,
+    until: int,
     begun: NDArray[np.float64],
     held: NDArray[np.float64],
     peak: NDArray[np.float64],
@@ -132,6 +134,8 @@ def seen_into(
         Inner products of the shapes' markers.
     clear : ndarray, shape (2,)
         By how many mm the place, and the shape, has to be nearer than any other.
+    asked, until : int
+        First of the targets that are asked for, and the one after the last; others are not found.
     begun, held : ndarray, shape (G,)
         Out: from when and how long each target is nearer than any other, seconds.
     peak : ndarray, shape (G,)
@@ -156,8 +160,13 @@ def seen_into(
     time = leave[1] - 0.1
     first = True
     while time < reach[n - 1] + 0.1:
+        if time <= leave[asked] - margin_s:
+            time += step
+            continue
         while low < n - 1 and reach[low] + margin_s < time:
             low += 1
+        if low > until:
+            break
         high = low
         while high < n and leave[high] - margin_s < time:
             high += 1
@@ -180,17 +189,21 @@ def seen_into(
                 at[c] += 4.0 * p * (1.0 - p) * np.sqrt(long) * arc[key[g - 1], key[g], c]
         for k in range(n_knuckles):
             for c in range(3):
-                value = at[c] + knuckle[key[base], k, c]
-                for g in range(low, high):
-                    value += turned[g] * (knuckle[key[g], k, c] - knuckle[key[g - 1], k, c])
-                now[k, c] = value
+                now[k, c] = at[c] + knuckle[key[base], k, c]
+        for g in range(low, high):
+            if turned[g] != 0.0:
+                for k in range(n_knuckles):
+                    for c in range(3):
+                        way = knuckle[key[g], k, c] - knuckle[key[g - 1], k, c]
+                        now[k, c] += turned[g] * way
         if not first:
             fastest = 0.0
             for k in range(n_knuckles):
                 speed = 0.0
                 for c in range(3):
                     speed += (now[k, c] - before[k, c]) ** 2
-                fastest = max(fastest, np.sqrt(speed) / step)
+                fastest = max(fastest, speed)
+            fastest = np.sqrt(fastest) / step
             for g in range(low, high):
                 if leave[g] <= time <= reach[g] + 0.1:
                     peak[g] = max(peak[g], fastest)
@@ -199,20 +212,19 @@ def seen_into(
                 before[k, c] = now[k, c]
         first = False
         _blend_apart(key, base, low, high, shaped, gram, share, apart)
-        for g in range(low - 1, high):
-            if g == 0:
-                continue
+        for g in range(max(low - 1, asked), min(high, until)):
             shape = key[g] // N_PLACEMENTS
             margin = _margin(apart, shape) - clear[1]
             for c in range(3):
                 x[c] = at[c] + tip[shape, key[base], c]
-                for j in range(low, high):
-                    x[c] += turned[j] * (tip[shape, key[j], c] - tip[shape, key[j - 1], c])
+            for j in range(low, high):
+                if turned[j] != 0.0:
+                    for c in range(3):
+                        x[c] += turned[j] * (tip[shape, key[j], c] - tip[shape, key[j - 1], c])
             for p in range(away.size):
                 away[p] = 0.0
                 for c in range(3):
                     away[p] += (x[c] - goal[shape, p, c]) ** 2
-                away[p] = np.sqrt(away[p])
             margin = min(margin, _margin(away, key[g] % N_PLACEMENTS) - clear[0])
             old = last_margin[g]
             if margin > 0.0 and old <= 0.0:
@@ -249,14 +261,17 @@ def line_seen_into(
     goal: NDArray[np.float64],
     gram: NDArray[np.float64],
     clear: NDArray[np.float64],
+    asked: int,
+    until: int,
     held: NDArray[np.float64],
     peak: NDArray[np.float64],
 ) -> None:
     """Find how long each of N keys is seen, and how fast the knuckles are on the way to it.
 
-    start, end, target, key, held, peak are of shape (N,); gaps of `rest_gap` and longer send the
-    hand to rest; rule has the numbers of `strokes_into`. The rest is as for `seen_into`. Keys that
-    repeat the one before, without a rest between, share their time.
+    start, end, target, key, held, peak are of shape (N,), of which the keys from `asked` to
+    `until` - 1 are asked for: what is found for others is of no use. Gaps of `rest_gap` and longer
+    send the hand to rest; rule has the numbers of `strokes_into`. The rest is as for `seen_into`.
+    Keys that repeat the one before, without a rest between, share their time.
     """
     n = key.size
     rested = np.empty(n, np.bool_)
@@ -284,8 +299,12 @@ def line_seen_into(
                  overlap, shortest, peak_per_mm, late, first, rest_delay, rest_move, leave,
                  reach)  # fmt: skip
     begun, seen, fastest = np.empty(last + 2), np.empty(last + 2), np.empty(last + 2)
+    while 0 < asked < n and key[asked - 1] == key[asked] and not rested[asked]:
+        asked -= 1
+    while 0 < until < n and key[until - 1] == key[until] and not rested[until]:
+        until += 1
     seen_into(leave, reach, shown, step, lateness, stroke, power, arc, place, tip, knuckle, goal,
-              gram, clear, begun, seen, fastest)  # fmt: skip
+              gram, clear, at[asked], at[until - 1] + 1, begun, seen, fastest)  # fmt: skip
     # Repeated keys show as one: all of them get the time from the first's begin to the last's end.
     same = 0
     for i in range(n):
@@ -301,12 +320,12 @@ def line_seen_into(
 
 @njit(cache=True, inner=True)
 def _margin(apart: NDArray[np.float64], own: int) -> float:
-    """Return by how much the own one of some distances is less than any other."""
+    """Return by how much the own one of some distances, given as squares, is less than others."""
     best = np.inf
     for p in range(apart.size):
         if p != own:
             best = min(best, apart[p])
-    return float(best - apart[own])
+    return float(np.sqrt(best) - np.sqrt(apart[own]))
 
 
 @njit(cache=True, inner=True)
@@ -320,7 +339,7 @@ def _blend_apart(
     share: NDArray[np.float64],
     apart: NDArray[np.float64],
 ) -> None:
-    """Find how far a blend of shapes is from each of them, mm; `share` is room for its shares."""
+    """Find the squared distance of a blend of shapes from each; `share` is room for its shares."""
     n = gram.shape[0]
     for i in range(n):
         share[i] = 0.0
@@ -334,8 +353,10 @@ def _blend_apart(
             for j in range(n):
                 whole += share[i] * share[j] * gram[i, j]
     for c in range(n):
-        d = whole + gram[c, c]
-        for i in range(n):
-            if share[i] != 0.0:
-                d -= 2.0 * share[i] * gram[i, c]
-        apart[c] = np.sqrt(max(d, 0.0))
+        apart[c] = whole + gram[c, c]
+    for i in range(n):
+        if share[i] != 0.0:
+            for c in range(n):
+                apart[c] -= 2.0 * share[i] * gram[i, c]
+    for c in range(n):
+        apart[c] = max(apart[c], 0.0)

@@ -139,6 +139,7 @@ class VisibilityModel:
         key: NDArray[np.int64],
         *,
         rest_gap_s: float = DEFAULT_OPTIONS.rest_gap_s,
+        asked: tuple[int, int] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return how long each key is seen, and how fast the knuckles are on the way to it.
 
@@ -150,6 +151,9 @@ class VisibilityModel:
             Key numbers, 6 shape + placement.
         rest_gap_s : float
             Longer gaps send the hand to rest.
+        asked : (int, int), optional
+            First key to look at and the one after the last, at least one; default: all. The
+            others' results are of no use.
 
         Returns
         -------
@@ -159,12 +163,15 @@ class VisibilityModel:
             Greatest speed, m/s.
         """
         held, peak = np.empty(len(key)), np.empty(len(key))
+        if not len(key):
+            return held, peak
         m = self.movement
+        first, until = asked or (0, len(key))
         kernel = _kernels.line_seen_into
         (lightly(kernel, _KEY_S * len(key)) if len(key) <= FEW else kernel)(
             start, end, target, key, rest_gap_s, stroke_rule(m), LONG_AGO_S, _STEP_S,
             _lateness(m), max(m.stroke_s, 1e-9), m.power, self.arc, self.place, self.tip,
-            self.knuckle, self.goal, self.gram, CLEAR_MM, held, peak,
+            self.knuckle, self.goal, self.gram, CLEAR_MM, first, until, held, peak,
         )  # fmt: skip
         return held, peak / 1000.0
 

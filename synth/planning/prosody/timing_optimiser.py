@@ -138,7 +138,7 @@ class TimingOptimiser:
         self._rest = round(options.rest_gap_s / TICK_S)
         self._room = round(room_s / TICK_S)
         self._prices: dict[tuple[int, ...], float] = {}
-        self._looks: dict[tuple[bytes, ...], tuple[FloatArray, FloatArray]] = {}
+        self._looks: dict[tuple[int | bytes, ...], tuple[FloatArray, FloatArray]] = {}
         self._spread_s = _SPREAD_S
 
     def seen(self, line: KeyLine) -> FloatArray:
@@ -183,7 +183,7 @@ class TimingOptimiser:
                 moved = self._shifted(line, i, j, shift)
                 if moved is None:
                     continue
-                gain = now - self._cost(moved, spans)
+                gain = now - self._cost(moved, spans, now - most)
                 if gain > most:
                     most, found = gain, moved
         return found
@@ -198,12 +198,14 @@ class TimingOptimiser:
         for taker in range(max(k - 1, line.frozen), k + 1):
             near = max(taker - 1, 0), min(taker + _TOUCHED + 1, len(line.start))
             now = self._cost(line, [near])
-            prices = {giver: self._price(line, giver) for giver in range(first, last)}
+            prices: dict[int, float] = {}
             other, paid = line, 0.0
             for _ in range(_GIVEN):
-                giver = self._cheapest(other, taker, prices)
+                giver = self._cheapest(other, taker, range(first, last), prices)
+                if giver == taker:
+                    break
                 paid += prices[giver]
-                if giver == taker or paid > now - most:
+                if paid > now - most:
                     break
                 other = self._handed(other, giver, taker) or other
                 prices[giver] = self._price(other, giver)
@@ -213,14 +215,19 @@ class TimingOptimiser:
                         most, found = gain, other
         return most, found
 
-    def _cheapest(self, line: KeyLine, taker: int, prices: dict[int, float]) -> int:
-        """Return which key gives a tick to another one for least; the taker if none can."""
-        first, last = min(prices), max(prices) + 1
-        ahead = (line.late - line.start)[taker + 1 : last] <= 0
-        behind = (line.start - line.early)[first + 1 : taker + 1][::-1] <= 0
+    def _cheapest(self, line: KeyLine, taker: int, among: range, prices: dict[int, float]) -> int:
+        """Return which key gives a tick to another one for least; the taker if none can.
+
+        Missing prices are added: those of the keys as they are.
+        """
+        ahead = (line.late - line.start)[taker + 1 : among.stop] <= 0
+        behind = (line.start - line.early)[among.start + 1 : taker + 1][::-1] <= 0
         lowest = taker - (int(behind.argmax()) if behind.any() else len(behind))
         highest = taker + (int(ahead.argmax()) if ahead.any() else len(ahead))
         givers = [d for d in range(lowest, highest + 1) if d != taker]
+        for giver in givers:
+            if giver not in prices:
+                prices[giver] = self._price(line, giver)
         givers.sort(key=lambda d: (prices[d], abs(d - taker)))
         return next((d for d in givers if self._handed(line, d, taker) is not None), taker)
 
@@ -260,9 +267,16 @@ class TimingOptimiser:
             ends.add(self._until_pause(line, i))
             yield from ((i, j) for j in sorted(ends))
 
-    def _cost(self, line: KeyLine, spans: Sequence[tuple[int, int]]) -> float:
-        """Return the cost of the keys in some spans."""
-        return sum(float(self._costs(line, *span).sum()) for span in spans)
+    def _cost(
+        self, line: KeyLine, spans: Sequence[tuple[int, int]], bound: float = math.inf
+    ) -> float:
+        """Return the cost of the keys in some spans, or of the first ones once above a bound."""
+        cost = 0.0
+        for span in spans:
+            cost += float(self._costs(line, *span).sum())
+            if cost >= bound:
+                break
+        return cost
 
     def _shifted(self, line: KeyLine, i: int, j: int, shift: int) -> KeyLine | None:
         """Return the line with keys i to j - 1 shifted, None if there is no room."""
@@ -306,13 +320,14 @@ class TimingOptimiser:
         low, high = max(first - _AROUND, 0), min(last + _AROUND, len(line.start))
         part, inner = slice(low, high), slice(first - low, last - low)
         arrays = line.start, line.end, line.lag, line.key
-        same = tuple(x[part].tobytes() for x in arrays)
+        same = inner.start, inner.stop, *(x[part].tobytes() for x in arrays)
         if same not in self._looks:
             start, end = (TICK_S * x[part].astype(np.float64) for x in (line.start, line.end))
             target = start + line.lag[part] * (end - start)
             self._looks[same] = self._sight.look(
-                start, end, target, line.key[part], rest_gap_s=self._rest_gap_s
-            )
+                start, end, target, line.key[part],
+                rest_gap_s=self._rest_gap_s, asked=(inner.start, inner.stop),
+            )  # fmt: skip
         held, peak = self._looks[same]
         return held[inner], peak[inner]
 
