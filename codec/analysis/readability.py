@@ -38,7 +38,8 @@ _BACK = layout.marker_indices((*layout.PALM, *layout.KNUCKLES[1:], *layout.WRIST
 _FINGERS = layout.marker_indices([n for f in layout.FINGERS for n in f])
 _KNUCKLES = layout.marker_indices(layout.KNUCKLES[1:])
 _TIPS = layout.marker_indices([layout.longest_finger_tip(shape) for shape in SHAPES])
-_HAND = np.concatenate([_BACK, _FINGERS, _TIPS])
+_HAND = slice(layout.N_FACE, None)
+_TIPS_OF = _TIPS - layout.N_FACE
 _ALL = slice(None)
 
 
@@ -99,8 +100,15 @@ class Classes:
         placements : ndarray, shape (T, 9, 6)
             Distance of the pointing finger's tip for a hand of each shape, mm.
         """
-        shapes, tips = self.pointing(markers)
-        return shapes, np.linalg.norm(tips[:, :, None] - self.tips, axis=3)
+        return self.distances_of(self.seen_from_head(markers))
+
+    def distances_of(self, hand: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the same of a hand (T, 50, 3) as `seen_from_head` gives it."""
+        return self._shapes(hand), np.linalg.norm(hand[:, _TIPS_OF, None] - self.tips, axis=3)
+
+    def seen_from_head(self, markers: NDArray[np.floating]) -> FloatArray:
+        """Return the hand of markers (T, 113, 3) as it is where the head is at rest, (T, 50, 3)."""
+        return _against_head(np.asarray(markers, dtype=np.float64), self._skull, _HAND)
 
     def pointing(self, markers: NDArray[np.floating]) -> tuple[FloatArray, FloatArray]:
         """Return how far a hand is from each shape, and where it points.
@@ -117,18 +125,18 @@ class Classes:
         tips : ndarray, shape (T, 9, 3)
             Tip of the finger that each shape points with, against the head, mm.
         """
-        x = np.asarray(markers, dtype=np.float64)
-        hand = _against_head(x, self._skull, _HAND)
-        back, fingers, tips = np.split(hand, [len(_BACK), len(_BACK) + len(_FINGERS)], axis=1)
-        shapes = shapes_apart(
-            np.ascontiguousarray(back),
-            np.ascontiguousarray(fingers),
+        hand = self.seen_from_head(markers)
+        return self._shapes(hand), hand[:, _TIPS_OF]
+
+    def _shapes(self, hand: FloatArray) -> FloatArray:
+        return shapes_apart(
+            hand[:, _BACK - layout.N_FACE],
+            hand[:, _FINGERS - layout.N_FACE],
             self._back,
             self.fingers,
             outlier_mm=rigid.OUTLIER_MM,
             rounds=_ROUNDS,
         )
-        return shapes, tips
 
 
 def classes_of(voice: Voice) -> Classes:
@@ -269,5 +277,11 @@ def peak_speed(markers: NDArray[np.floating], rate_hz: float) -> float:
     x = np.asarray(markers, dtype=np.float64)
     if len(x) < 2:
         return 0.0
-    hand = _against_head(x, x[0, _RIGID_FACE], _KNUCKLES)
-    return float(np.linalg.norm(np.diff(hand, axis=0), axis=2).max() * rate_hz / 1000.0)
+    return peak_speed_of(_against_head(x, x[0, _RIGID_FACE], _HAND), rate_hz)
+
+
+def peak_speed_of(hand: FloatArray, rate_hz: float) -> float:
+    """Return the same of a hand (T, 50, 3) as `Classes.seen_from_head` gives it."""
+    knuckles = hand[:, _KNUCKLES - layout.N_FACE]
+    steps = np.linalg.norm(np.diff(knuckles, axis=0), axis=2)
+    return float(steps.max(initial=0.0) * rate_hz / 1000.0)

@@ -12,12 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codec.analysis.readability import HELD_S, Classes, Shown, classes_of, peak_speed, shown_keys
+from codec.analysis.readability import (
+    HELD_S,
+    Classes,
+    Shown,
+    classes_of,
+    keys_shown_at,
+    peak_speed_of,
+)
+from codec.cuer import layout
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Score
 from cuecast.dubbing.motions import MotionSource
 from synth.planning.prosody.simulation import CLAIRE, RATE_HZ, PerformerChoice, mirror_of
+
+FloatArray = NDArray[np.float64]
 
 PICTURES_S = 0.12
 """Three pictures at 25 a second, whenever the first one is taken."""
@@ -55,7 +65,7 @@ class VisibilityMeter:
         self, classes: Classes, rate_hz: float, options: CueingOptions = DEFAULT_OPTIONS
     ) -> None:
         self._classes, self._rate_hz, self._options = classes, rate_hz, options
-        self._parts: list[NDArray[np.floating]] = []
+        self._parts: list[tuple[FloatArray, ...]] = []  # hand, distances from shapes, places
         self._start_s = self._end_s = 0.0
         self._waiting: list[Key] = []
         self._looked_s = 0.0
@@ -75,11 +85,15 @@ class VisibilityMeter:
         keys : iterable of Key
             Further keys, in order of time; may come before or after their motion.
         """
+        self.add_hand(self._classes.seen_from_head(markers), start_s, keys)
+
+    def add_hand(self, hand: FloatArray, start_s: float, keys: Iterable[Key] = ()) -> None:
+        """Look at further motion of a hand (T, 50, 3) as seen from the head, otherwise as `add`."""
         if not self._parts:
             self._start_s = self._looked_s = start_s
-        if len(markers):
-            self._parts.append(markers)
-            self._end_s = start_s + len(markers) / self._rate_hz
+        if len(hand):
+            self._parts.append((hand, *self._classes.distances_of(hand)))
+            self._end_s = start_s + len(hand) / self._rate_hz
         self._waiting += keys
         if self._end_s - self._looked_s > _AT_ONCE_S:
             self._look(self._end_s - _AROUND_S)
@@ -110,24 +124,24 @@ class VisibilityMeter:
         """Measure all keys that end before a time, and drop frames that the next do not need."""
         if not self._parts:
             return
-        markers = np.concatenate(self._parts)
+        hand, shapes, placements = map(np.concatenate, zip(*self._parts, strict=True))
         ready = [key for key in self._waiting if key.end <= until_s]
         self._waiting = self._waiting[len(ready) :]
         if ready:
-            self.shown += shown_keys(
-                markers,
+            self.shown += keys_shown_at(
+                shapes,
+                placements,
                 Score((), tuple(ready)),
-                self._classes,
                 rate_hz=self._rate_hz,
                 start_s=self._start_s,
                 options=self._options,
             )
-        self._peak = max(self._peak, peak_speed(markers, self._rate_hz))
+        self._peak = max(self._peak, peak_speed_of(hand, self._rate_hz))
         needed_s = self._end_s - 2 * _AROUND_S
         if self._waiting:
             needed_s = min(needed_s, self._waiting[0].start - _AROUND_S)
-        first = int(np.clip((needed_s - self._start_s) * self._rate_hz, 0, len(markers) - 1))
-        self._parts = [markers[first:]]
+        first = int(np.clip((needed_s - self._start_s) * self._rate_hz, 0, len(hand) - 1))
+        self._parts = [(hand[first:], shapes[first:], placements[first:])]
         self._start_s += first / self._rate_hz
         self._looked_s = self._end_s
 
@@ -159,12 +173,12 @@ def watched_plan(
 ) -> VisibilityMeter:
     """Return the visibility of a score in a rule-based performance.
 
-    The markers are the cuer's own: no model of them is fitted.
+    The hand is the cuer's own: no model of it is fitted.
     """
     mirror = mirror_of(performing, options)
     seen = VisibilityMeter(mirror.classes, RATE_HZ, options)
     for start_s, frames in _windows(seen, score, RATE_HZ):
-        seen.add(mirror.performer.markers(score, start_s, frames), start_s)
+        seen.add_hand(mirror.performer.hand(score, start_s, frames), start_s)
     return seen
 
 
@@ -182,7 +196,7 @@ def _windows(seen: VisibilityMeter, score: Score, rate_hz: float) -> Iterator[tu
     """Announce the keys of a score to a meter, and yield start and frames of parts around them."""
     if not score.keys:
         return
-    seen.add(np.zeros((0, 113, 3)), 0.0, score.keys)
+    seen.add_hand(np.zeros((0, layout.N_HAND, 3)), 0.0, score.keys)
     first = int(max(0.0, score.keys[0].start - _AROUND_S) * rate_hz)
     last = int((score.keys[-1].end + _AROUND_S) * rate_hz)
     for at in range(first, last, _WINDOW):

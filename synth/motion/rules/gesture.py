@@ -231,6 +231,24 @@ class GestureSynthesiser:
         """
         return self.body.markers(self.pose(score, start_s, n_frames)).astype(np.float32)
 
+    def hand(self, score: Score, start_s: float, n_frames: int) -> FloatArray:
+        """Return the markers of hand and forearm as seen from the head.
+
+        Parameters
+        ----------
+        score, start_s, n_frames
+            As of `markers`.
+
+        Returns
+        -------
+        ndarray of float64, shape (n_frames, 50, 3)
+            Millimetres; the head is at rest.
+        """
+        head, angles, forearm = self._carriage(self._plan(score), self.times_s(start_s, n_frames))
+        turns, places = self.body.neck(head)
+        apart = self.body.hand(angles, forearm) - places[:, -1:]
+        return np.asarray(apart @ turns[:, -1] + self.body.face_skin.origins[-1])
+
     def motion(self, score: Score, start_s: float, n_frames: int, voice: Voice) -> Motion:
         """Return the parameters that `voice` finds for the markers, the lips true to the phones."""
         params = self._found(score, start_s, n_frames, voice)
@@ -268,6 +286,12 @@ class GestureSynthesiser:
         """Return face-unit weights, head, hand angles and forearm of each frame."""
         times = self.times_s(start_s, n_frames)
         plan = self._plan(score)
+        return BodyPose(self._units(plan, times), *self._carriage(plan, times))
+
+    def _carriage(
+        self, plan: _Plan, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return head, hand angles and forearm at each time, as of `BodyPose`."""
         rule = self._movement
 
         # Every channel moves from target to target by the law, each with its own lateness.
@@ -295,7 +319,7 @@ class GestureSynthesiser:
         forearm[:, 3:] += self._arc(plan, times)
         forearm[:, 3:] += carrier[:, 3:] * self._carried(carrier[:, :3], head)
         angles = course(plan.angles, self._begins, self._ends) + self._angle_drift.at(times)
-        return BodyPose(self._units(plan, times), head, angles, forearm)
+        return head, angles, forearm
 
     def _arc(self, plan: _Plan, times: FloatArray) -> FloatArray:
         """Return how far the wrist leaves the straight way, (T, 3), mm."""

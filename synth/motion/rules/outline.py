@@ -39,7 +39,9 @@ class Outline:
     slack_s: float
     phones: PhoneLine
 
-    def differs(self, other: "Outline", times: FloatArray) -> NDArray[np.bool_]:
+    def differs(
+        self, other: "Outline", times: FloatArray, *, face: bool = True
+    ) -> NDArray[np.bool_]:
         """Return at which times the performances differ.
 
         Parameters
@@ -48,6 +50,8 @@ class Outline:
             Of the same cuer.
         times : ndarray, shape (T,)
             Ascending, seconds.
+        face : bool
+            Whether the face counts too, besides head and hand.
 
         Returns
         -------
@@ -61,7 +65,7 @@ class Outline:
         # A target is left with the stroke to the next one.
         until = np.append(np.maximum(self.reach, other.reach)[1:], np.inf)
         since = np.minimum(self.leave, other.leave)
-        moved = (one.start != two.start) | (one.end != two.end)
+        moved = face & ((one.start != two.start) | (one.end != two.end))
         begins = np.append(
             since[changed] - self.slack_s, np.minimum(one.start, two.start)[moved] - REACH_S
         )

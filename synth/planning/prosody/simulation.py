@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.analysis.readability import Classes, classes_of, keys_shown_at
+from codec.cuer import layout
 from codec.cuer.voice import Voice, load_voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
 from codec.cues.score import Key, Phone, Score
@@ -62,11 +63,11 @@ CLAIRE = PerformerChoice()
 class PlanPerformer(Protocol):
     """Whoever performs a score in front of the mirror."""
 
-    def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
-        """Return the markers of the hand and the head, shape (n_frames, 113, 3), mm."""
+    def hand(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float64]:
+        """Return the markers of the hand as seen from the head, shape (n_frames, 50, 3), mm."""
 
     def outline(self, score: Score) -> Outline:
-        """Return the score's parts that its markers depend on."""
+        """Return the score's parts that the performance depends on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +139,11 @@ class PerformanceSimulation:
         if like is not None and like.start_s == start_s:
             known = min(frames, len(like.shapes))
             times = start_s + np.arange(known) / RATE_HZ
-            fresh[:known] = outline.differs(like.outline, times)
+            fresh[:known] = outline.differs(like.outline, times, face=False)
             shapes[:known], placements[:known] = like.shapes[:known], like.placements[:known]
         for first, last in _runs(fresh):
-            markers = self.performer.markers(score, start_s + first / RATE_HZ, last - first)
-            shapes[first:last], placements[first:last] = self.classes.distances(markers)
+            hand = self.performer.hand(score, start_s + first / RATE_HZ, last - first)
+            shapes[first:last], placements[first:last] = self.classes.distances_of(hand)
         shown = keys_shown_at(
             shapes, placements, score, rate_hz=RATE_HZ, start_s=start_s, options=self._options
         )
@@ -209,8 +210,9 @@ class _Hand:
     def __init__(self, cuer: Bodiless, voice: Voice) -> None:
         self._cuer, self._voice = cuer, voice
 
-    def markers(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float32]:
-        return self._voice.reconstruct(self._cuer.hand(score, start_s, n_frames, self._voice))
+    def hand(self, score: Score, start_s: float, n_frames: int) -> NDArray[np.float64]:
+        params = self._cuer.hand(score, start_s, n_frames, self._voice)
+        return self._voice.reconstruct(params)[:, layout.N_FACE :].astype(np.float64)
 
     def outline(self, score: Score) -> Outline:
         return self._cuer.outline(score)
