@@ -34,7 +34,7 @@ _STEPS = 6
 _PLAIN_STEPS = 1
 """Steps before residuals begin to cost markers their weight."""
 
-_LONGEST_STEP = 3.0
+LONGEST_STEP = 3.0
 """Longest step in units of a parameter's standard deviation."""
 
 _TOLERANCE = 0.02
@@ -129,6 +129,13 @@ def invert_hand(
     model: HandModel, markers: NDArray[np.float64], visible: Confidence
 ) -> NDArray[np.float64]:
     """Return hand and forearm parameters (T, naH + nmH) of hand markers (T, 50, 3)."""
+    return invert(model, markers, visible, hand_start(model, markers, visible))
+
+
+def hand_start(
+    model: HandModel, markers: NDArray[np.float64], visible: Confidence
+) -> NDArray[np.float64]:
+    """Return parameters (T, naH + nmH) that fit the forearm's markers alone, the mean hand's."""
     start = np.zeros((len(markers), model.n_parameters))
     start[:, model.n_shape :] = starting_motion(
         model.shape(np.zeros((1, model.n_shape)))[0, FOREARM_COLUMNS],
@@ -137,7 +144,7 @@ def invert_hand(
         model.motion_mean,
         model.motion_directions,
     )
-    return invert(model, markers, visible, start)
+    return start
 
 
 def starting_motion(
@@ -201,7 +208,7 @@ def _solve(
             update = (inverse @ gradient[..., None])[..., 0]
             # Longer steps leave the range in which the slopes hold.
             longest = np.abs(update).max(1, keepdims=True)
-            at = at + update * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-12))
+            at = at + update * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-12))
         parameters[active] = at
         moving = longest[:, 0] > _TOLERANCE
         # Outliers are distinguished from the model's own error only after the plain steps.

@@ -279,8 +279,20 @@ class GestureSynthesiser:
             return voice.invert(markers, rate_hz=self.rate_hz).params
         lead = round(start_s * self.rate_hz) % ANCHORED + SIDE
         frames = 1 - (1 - lead - n_frames) // ANCHORED * ANCHORED + SIDE
-        markers = self.markers(score, start_s - lead / self.rate_hz, frames)
-        return voice.invert_smooth(markers)[lead : lead + n_frames]
+        first_s = start_s - lead / self.rate_hz
+        markers = self.markers(score, first_s, frames)
+        # The voice's own shapes, on the strokes of the fingers: the hand that is to be found is
+        # near, but for drift and scatter.
+        gestures, rule = self._plan(score).gestures, self._movement
+        shapes = voice.gestures.shape_targets[gestures.shape].astype(np.float64)
+        begins, ends = (
+            np.full(shapes.shape[1], x) for x in (rule.fingers_begin_s, rule.fingers_end_s)
+        )
+        hand = moved(
+            self.times_s(first_s, frames), gestures, shapes, self._profile,
+            begins_s=begins, ends_s=ends, movement=rule,
+        )  # fmt: skip
+        return voice.invert_smooth(markers, hand)[lead : lead + n_frames]
 
     def pose(self, score: Score, start_s: float, n_frames: int) -> BodyPose:
         """Return face-unit weights, head, hand angles and forearm of each frame."""

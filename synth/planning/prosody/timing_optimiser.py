@@ -138,7 +138,7 @@ class TimingOptimiser:
         self._rest = round(options.rest_gap_s / TICK_S)
         self._room = round(room_s / TICK_S)
         self._prices: dict[tuple[int, ...], float] = {}
-        self._looks: dict[tuple[int | bytes, ...], tuple[FloatArray, FloatArray]] = {}
+        self._looks: dict[tuple[object, ...], tuple[FloatArray, FloatArray]] = {}
         self._spread_s = _SPREAD_S
 
     def seen(self, line: KeyLine) -> FloatArray:
