@@ -129,15 +129,11 @@ class FaceModel:
         the world, and the face's directions need no turning.
         """
         motion = self.motion(parameters[:, N_FACE_PARAMETERS:])
-        points = markers - self.pivot
-        still = np.empty_like(points)
-        still[:, HEAD_COLUMNS] = rigid.inverse_rigid_motion(points[:, HEAD_COLUMNS], motion)
-        shares = motion[:, None] * self.weights[THROAT_COLUMNS]
-        back = np.concatenate([-shares[..., :3], np.zeros_like(shares[..., 3:])], axis=-1)
-        still[:, THROAT_COLUMNS] = rigid.weighted_rigid_motion(
-            points[:, THROAT_COLUMNS] - shares[..., 3:], back
-        )
-        return still - (self.shape(parameters[:, :N_FACE_PARAMETERS]) - self.pivot)
+        points = markers - motion[:, None, 3:] * self.weights[:, 3:] - self.pivot
+        back = np.concatenate([-motion[:, :3], np.zeros((len(motion), 3))], axis=1)
+        still = rigid.shared_motion(points, back, self.weights, self.pivot)
+        still -= self.shape(parameters[:, :N_FACE_PARAMETERS])
+        return still
 
     def slopes(self, parameters: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the derivatives of the markers, each in its resting frame, (T, P, 63, 3)."""
