@@ -269,7 +269,7 @@ def line_seen_into(
     """Find how long each of N keys is seen, and how fast the knuckles are on the way to it.
 
     start, end, target, key, held, peak are of shape (N,), of which the keys from `asked` to
-    `until` - 1 are asked for: what is found for others is of no use. Gaps of `rest_gap` and longer
+    `until` - 1 are asked for; others' results are of no use. Gaps of `rest_gap` and longer
     send the hand to rest; rule has the numbers of `strokes_into`. The rest is as for `seen_into`.
     Keys that repeat the one before, without a rest between, share their time.
     """
