@@ -82,12 +82,12 @@ def spread_into(
         out[b] = 0.0
         level = math.log(bands[b])
         fall = upper_slope[b] + 0.2 * width * level
-        slope, beyond = math.exp(fall), (n - b) * fall
+        step[b] = math.exp(0.4 * fall)
+        slope, beyond = step[b] * step[b] * math.sqrt(step[b]), (n - b) * fall
         # Below e**-40 the rest of the series is lost in rounding.
         rest = math.exp(beyond) if beyond > -40.0 else 0.0
         upper_gain = (1.0 - rest) / (1.0 - slope)
         share[b] = math.exp(0.4 * (level - math.log(lower_gain[b] + upper_gain - 1.0)))
-        step[b] = math.exp(0.4 * fall)
     below = 0.0
     for b in range(n - 1, -1, -1):
         out[b] += below

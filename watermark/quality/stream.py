@@ -93,11 +93,13 @@ class Frames:
 
     def batches(self, pair: FloatArray) -> Iterator[FloatArray]:
         """Yield samples, shape (2, n, channels), that make whole frames, from all given so far."""
-        self._rest = np.concatenate([self._rest, pair], axis=1)
-        while (ready := (self._rest.shape[1] - self._frame) // self._hop + 1) > 0:
-            count = min(ready, self._batch)
-            yield self._rest[:, : (count - 1) * self._hop + self._frame]
-            self._rest = self._rest[:, count * self._hop :]
+        at_once = self._batch * self._hop
+        for first in range(0, pair.shape[1], at_once):
+            self._rest = np.concatenate([self._rest, pair[:, first : first + at_once]], axis=1)
+            while (ready := (self._rest.shape[1] - self._frame) // self._hop + 1) > 0:
+                count = min(ready, self._batch)
+                yield self._rest[:, : (count - 1) * self._hop + self._frame]
+                self._rest = self._rest[:, count * self._hop :]
 
 
 def active_frames(samples: FloatArray, frame: int, hop: int) -> NDArray[np.bool_]:

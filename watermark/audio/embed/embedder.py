@@ -280,11 +280,12 @@ class AudioEmbedder:
         numbers = range(self._next, self._next + count)
         ratio = self._fs / FS
         start = self._next * SUPERFRAME * ratio
-        host, side = self._sound(self._next, count)
+        sound = np.stack(self._sound(self._next, count))
+        clean = front_of(*sound[:, :-HOP], self._front)
         self._shares.begin(start, ratio, count * SUPERFRAME)
         payloads = [checked_payload(self._source, k, self._profile) for k in numbers]
         if self._control is None:
-            made = self._stretch(host, side, payloads, [self._level] * count)
+            made = self._stretch(sound, clean, payloads, [self._level] * count)
         else:
             needs = [self._look(k)[1] for k in numbers]
             enough = [self._sufficient(k, need) for k, need in zip(numbers, needs, strict=True)]
@@ -309,13 +310,13 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                return self._stretch(host, side, payloads, levels)
+                return self._stretch(sound, clean, payloads, levels)
 
             made = control.settle(attempt, enough=sufficient, least=floor)
             if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):
                 # Whether the grade suffices is known by now: what was settled, written apart.
                 self._apart = True
-                made = self._stretch(host, side, payloads, made.levels)
+                made = self._stretch(sound, clean, payloads, made.levels)
             if sufficient is not None:
                 control.strive(sufficient - EASE - control.base)
         self._before, self._tail = made.end, made.tail
@@ -395,14 +396,17 @@ class AudioEmbedder:
 
     def _stretch(
         self,
-        host: NDArray[np.float64],
-        side: NDArray[np.float64],
+        sound: NDArray[np.float64],
+        clean: NDArray[np.float64],
         payloads: list[tuple[bytes, bytes]],
         levels: list[float] | None,
     ) -> _Stretch:
-        """Write superframes into `host`, shape (superframes * SUPERFRAME + HOP,), or none."""
-        sound = np.stack([host, side][: self._rows])
-        marked = sound.copy()
+        """Write superframes, or none, into mid and side, (2, superframes * SUPERFRAME + HOP).
+
+        `clean` is their front without the hop beyond.
+        """
+        host = sound[: self._rows]
+        marked = host.copy()
         marked[:, :HOP] += self._tail
         # Superframes overlap by a hop: each is designed on the sound that has its predecessor's
         # mark already.
@@ -423,15 +427,17 @@ class AudioEmbedder:
                 marked[:, span] += made.mark
                 before = marked[:, (i + 1) * SUPERFRAME - HOP : (i + 1) * SUPERFRAME]
                 silent[i] = not made.carries
-        mark = marked - sound
+        mark = marked - host
         # Row 0 of `divided` is what left has more of than mid, and right less: the side's own mark
         # adds to it.
         divided = self._shares.divide(mark[0])
-        divided[0] += mark[1:].sum(axis=0)
+        if self._rows == 2:
+            divided[0] += mark[1]
         inner = slice(0, -HOP)
+        side = sound[1, inner] + divided[0, inner]
         return _Stretch(
-            clean=front_of(host[inner], side[inner], self._front),
-            marked=front_of(marked[0, inner], (side + divided[0])[inner], self._front),
+            clean=clean,
+            marked=front_of(marked[0, inner], side, self._front),
             mark=mark[0, inner],
             end=marked[:, -2 * HOP : -HOP],
             tail=mark[:, -HOP:],

@@ -63,8 +63,13 @@ def front_of(
     mid: NDArray[np.float64], side: NDArray[np.float64], channels: int
 ) -> NDArray[np.float64]:
     """Front of a programme, shape (n, channels), from its mid and side; 1 or 2 channels."""
-    pair = [mid] if channels == 1 else [mid + side, mid - side]
-    return np.stack(pair, axis=1)
+    front = np.empty((mid.size, channels))
+    if channels == 1:
+        front[:, 0] = mid
+    else:
+        np.add(mid, side, out=front[:, 0])
+        np.subtract(mid, side, out=front[:, 1])
+    return front
 
 
 def has_centre(channels: int) -> bool:
