@@ -120,6 +120,14 @@ class Successor:
         if not self.ring.write(kind, data):
             self._behind = True
 
+    @property
+    def end(self) -> str:
+        """Why it cannot take over, for the log."""
+        if self._behind:
+            return "was too far behind"
+        status = self._process.poll()
+        return "left its line" if status is None else f"ended ({status})"
+
     def close(self) -> None:
         """End it: it is not needed any more."""
         with contextlib.suppress(OSError):
@@ -168,9 +176,10 @@ class Succession:
 
     def give_up(self) -> None:
         """Note that it has ended: another one is started later."""
+        end = self.one.end if self.one else "did not start"
         self.close()
         self._again_s = time.monotonic() + _AGAIN_S
-        self._tell(f"the playout that stood by ended: another one in {_AGAIN_S:g} s")
+        self._tell(f"the playout that stood by {end}: another one in {_AGAIN_S:g} s")
 
     def close(self) -> None:
         """End it."""

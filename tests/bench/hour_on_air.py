@@ -159,22 +159,23 @@ class Service:
             Path(f"/proc/{self.process.pid}/autogroup").write_text(str(NICE))
 
     def _session(self) -> dict[int, bytes]:
-        """Processes of the service and their command lines."""
-        found = {}
+        """Processes of the service, oldest first, and their command lines."""
+        found: dict[int, tuple[int, bytes]] = {}
         for one in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
-                state, _, _, session = (one / "stat").read_text().rpartition(")")[2].split()[:4]
-                if int(session) == self.process.pid and state != "Z":
-                    found[int(one.name)] = (one / "cmdline").read_bytes()
-        return found
+                fields = (one / "stat").read_text().rpartition(")")[2].split()
+                if int(fields[3]) == self.process.pid and fields[0] != "Z":
+                    found[int(one.name)] = int(fields[19]), (one / "cmdline").read_bytes()
+        oldest_first = sorted(found, key=lambda pid: found[pid][0])  # numbers of processes wrap
+        return {pid: found[pid][1] for pid in oldest_first}
 
     def active(self) -> int:
         """Process of the playout that has the programme: the oldest one."""
-        return min(pid for pid, line in self._session().items() if b"playout" in line)
+        return next(pid for pid, line in self._session().items() if b"playout" in line)
 
     def workers(self) -> list[int]:
         """Processes that the playout started by Python, the marking one first."""
-        return sorted(pid for pid, line in self._session().items() if b"spawn_main" in line)
+        return [pid for pid, line in self._session().items() if b"spawn_main" in line]
 
     def end(self) -> int:
         """Ask all processes to end, wait, and return the exit status of the playout."""
