@@ -5,6 +5,8 @@ from the starts of the keys: which moments depends on where it comes from and go
 between the end of one key and the beginning of the next is lost on the way.
 """
 
+from functools import lru_cache
+
 from codec.cues.score import PLACEMENTS
 
 SEEN_S = 0.135
@@ -57,6 +59,7 @@ Form = tuple[int, str, int]
 """Hand shape, placement and number of phones of a key."""
 
 
+@lru_cache(4096)
 def least_s(before: Form | None, here: Form, after: Form | None) -> float:
     """Return the shortest time from the start of a key to that of the next, seconds.
 

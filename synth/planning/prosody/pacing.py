@@ -228,6 +228,21 @@ def _widest_pause(block: Sequence[TimedWord]) -> int:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Draft:
+    """Keys of the words that stay, as far as it takes to see whether there is time for them.
+
+    `members`, `first`, `least` and `pause` are those of `Keys`; `forms` are shape, placement and
+    number of phones.
+    """
+
+    members: list[list[tuple[int, int]]]
+    forms: list[Form]
+    first: list[float]
+    least: list[float]
+    pause: list[float]
+
+
 class _Block:
     """Words that are paced together, after others.
 
@@ -251,6 +266,8 @@ class _Block:
         self._latest_s = max(pace.max_lag_s - 0.5 / GRID_HZ, 0.0)
         self._kept = [True] * len(words)
         self._mute = [False] * len(words)
+        symbols = {p.symbol for word in words for p in word.phones}
+        self._placement = {x: options.placement(x) if x in VOWELS else "" for x in symbols}
         gaps = [b.phones[0].start - a.phones[-1].end for a, b in itertools.pairwise(words)]
         self._breaks = [
             bool(word.word.pause) or gap > _PAUSE_FROM_S
@@ -259,9 +276,10 @@ class _Block:
 
     def paced(self) -> Iterator[PacedWord]:
         """Yield the words on the cuer's clock."""
-        keys = self._with_room()
+        draft = self._with_room()
+        keys = self._keys(draft)
         self.even_s = self._even(keys)
-        start, length = self._schedule(keys)
+        start, length = self._schedule(keys, in_time=not self._late(draft, 0.0))
         found = spans(keys, start, length)
         lags = {
             member: self._lag_s(float(start[k] - keys.first[k]))
@@ -297,7 +315,7 @@ class _Block:
                     paused = False
             before = w
 
-    def _keys(self) -> Keys:
+    def _draft(self) -> _Draft:
         # A vowel joins the consonant before it unless a pause lies between them; any other phone
         # begins a key of its own.
         members: list[list[tuple[int, int]]] = []
@@ -306,25 +324,20 @@ class _Block:
         open_consonant = False
         for w, i, after_pause in self._said():
             symbol = self._words[w].phones[i].symbol
-            if symbol in VOWELS and open_consonant and not after_pause:
+            placement = self._placement[symbol]
+            if placement and open_consonant and not after_pause:
                 members[-1].append((w, i))
-                form[-1] = form[-1][0], self._options.placement(symbol)
+                form[-1] = form[-1][0], placement
                 open_consonant = False
                 continue
-            open_consonant = symbol not in VOWELS
+            open_consonant = not placement
             members.append([(w, i)])
             paused.append(after_pause and len(members) > 1)
             form.append(
                 (SHAPE_OF[symbol], NO_VOWEL_PLACEMENT)
                 if open_consonant
-                else (NO_CONSONANT_SHAPE, self._options.placement(symbol))
+                else (NO_CONSONANT_SHAPE, placement)
             )
-        phones = [[self._words[w].phones[i] for w, i in m] for m in members]
-        first = np.array([p[0].start for p in phones])
-        part = [
-            (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, SAME_S)
-            for p in phones
-        ]
         forms = [(*two, len(m)) for two, m in zip(form, members, strict=True)]
         afters: list[Form | None] = [*forms[1:], None][: len(forms)]
         befores: list[Form | None] = [None, *forms[:-1]][: len(forms)]
@@ -333,14 +346,25 @@ class _Block:
             max(least_s(before, here, after), _LEAST_PHONE_S * here[2], self._pace.least_s)
             for before, here, after in zip(befores, forms, afters, strict=True)
         ]
-        pause = _LEAST_PAUSE_S * np.array(paused, dtype=float)
+        first = [self._words[m[0][0]].phones[m[0][1]].start for m in members]
+        return _Draft(members, forms, first, least, [_LEAST_PAUSE_S * x for x in paused])
+
+    def _keys(self, draft: _Draft) -> Keys:
+        phones = [[self._words[w].phones[i] for w, i in m] for m in draft.members]
+        part = [
+            (p[0].end - p[0].start) / max(p[-1].end - p[-1].start + p[0].end - p[0].start, SAME_S)
+            for p in phones
+        ]
         consonant = np.clip(part, 1 - _LONGEST_CONSONANT, _LONGEST_CONSONANT)
         said = np.array([sum(x.end - x.start for x in p) for p in phones])
-        key = np.array([len(PLACEMENTS) * f[0] + PLACEMENT_NUMBER[f[1]] for f in forms], np.int64)
+        key = np.array(
+            [len(PLACEMENTS) * f[0] + PLACEMENT_NUMBER[f[1]] for f in draft.forms], np.int64
+        )
         symbols = [[p.symbol for p in x] for x in phones]
-        return Keys(members, first, np.array(least), pause, said, consonant, key, symbols)
+        first, least, pause = map(np.array, (draft.first, draft.least, draft.pause))
+        return Keys(draft.members, first, least, pause, said, consonant, key, symbols)
 
-    def _late(self, keys: Keys, lead_s: float) -> tuple[int, int] | None:
+    def _late(self, keys: _Draft, lead_s: float) -> tuple[int, int] | None:
         """Return the first key that comes too late at the quickest, and where the hurry began.
 
         So does one that could be there only if she had hurried for too long.
@@ -348,7 +372,7 @@ class _Block:
         clock, begun = self._free_s, 0
         even, evenly = self.even_s, 0
         for k, (first, least, pause) in enumerate(
-            zip(keys.first.tolist(), keys.least.tolist(), keys.pause.tolist(), strict=True)
+            zip(keys.first, keys.least, keys.pause, strict=True)
         ):
             latest = first + self._latest_s + SAME_S
             clock += pause
@@ -371,9 +395,9 @@ class _Block:
             even = max(even, first - LEAD_S) + max(least, 1.0 / self._pace.keys_per_s)
         return even
 
-    def _with_room(self) -> Keys:
+    def _with_room(self) -> _Draft:
         """Leave out what there is no time for, and return the keys of the rest."""
-        keys, dropped = self._keys(), list[int]()
+        keys, dropped = self._draft(), list[int]()
         # Mute e go first, then the least important word near the late key, until no key is late.
         while late := self._late(keys, LEAD_S):
             begun, k = late
@@ -395,20 +419,20 @@ class _Block:
                 )
                 self._kept[out] = False
                 dropped.append(out)
-            keys = self._keys()
+            keys = self._draft()
         # Greedy choices may drop too much: words come back, the most important first, if no key
         # gets late by it.
         for w in sorted(dropped, key=lambda w: (-importance(self._words[w].word), w)):
             self._kept[w] = True
-            again = self._keys()
+            again = self._draft()
             if self._late(again, LEAD_S):
                 self._kept[w] = False
             else:
                 keys = again
         return keys
 
-    def _schedule(self, keys: Keys) -> tuple[FloatArray, FloatArray]:
-        """Return start and length of each key, seconds."""
+    def _schedule(self, keys: Keys, *, in_time: bool) -> tuple[FloatArray, FloatArray]:
+        """Return start and length of each key, seconds; `in_time` if none needs a lead."""
         n = len(keys.first)
         if n == 0:
             return np.zeros(0), np.zeros(0)
@@ -419,7 +443,7 @@ class _Block:
         # The evenest course between earliest and latest starts; a lead only where there is no ease
         # without one.
         for lead_s in (0.0, LEAD_S):
-            if lead_s == 0.0 and self._late(keys, 0.0):
+            if lead_s == 0.0 and not in_time:
                 continue
             early = np.maximum.accumulate(np.maximum(keys.first - lead_s, self._free_s))
             latest = keys.first + self._latest_s
