@@ -298,7 +298,10 @@ class AudioEmbedder:
                 floor = sufficient - lowered
                 spare = min(max(1.0 - SPARED * (sufficient - control.base) / lowered, 0.0), 1.0)
 
+            last: _Stretch | None = None
+
             def attempt(base: float | None) -> _Stretch:
+                nonlocal last
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
@@ -310,7 +313,10 @@ class AudioEmbedder:
                             else _level(least + above + spare * max(plain - least - above, 0.0))
                             for plain, least in zip(levels, enough, strict=True)
                         ]
-                return self._stretch(sound, clean, payloads, levels)
+                # Loud passages have the highest level, soft ones the lowest, at many bases.
+                if last is None or last.levels != levels:
+                    last = self._stretch(sound, clean, payloads, levels)
+                return last
 
             made = control.settle(attempt, enough=sufficient, least=floor)
             if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):

@@ -11,7 +11,7 @@ Specification: spec/audio-carrier.md, W20 leaves the choice of levels to the emb
 import copy
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -214,7 +214,8 @@ class LevelControl:
         Parameters
         ----------
         attempt : callable
-            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None.
+            Gives the stretch at a base level, which may be `QUIETEST`, and unmarked for None; the
+            same object again where that changes nothing.
         enough : float, optional
             Base level that suffices; a better grade is aimed at where it is below that of the
             wanted one.
@@ -222,10 +223,16 @@ class LevelControl:
             Base level below which superframes would fail: only a stretch that grades far too low
             by itself is written more softly.
         """
+        last: _HeardAttempt[T] | None = None
 
         def hear(base: float | None) -> _HeardAttempt[T]:
+            nonlocal last
             made = attempt(base)
-            return _HeardAttempt(made, base, *self._passage.tried(made))
+            if last is not None and made is last.made:
+                last = replace(last, base=base)
+            else:
+                last = _HeardAttempt(made, base, *self._passage.tried(made))
+            return last
 
         chosen = hear(self.base)
         if (grade := chosen.grade) is not None:
