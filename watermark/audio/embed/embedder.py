@@ -281,7 +281,7 @@ class AudioEmbedder:
         ratio = self._fs / FS
         start = self._next * SUPERFRAME * ratio
         sound = np.stack(self._sound(self._next, count))
-        clean = front_of(*sound[:, :-HOP], self._front)
+        clean = front_of(sound[0, :-HOP], sound[1, :-HOP], self._front)
         self._shares.begin(start, ratio, count * SUPERFRAME)
         payloads = [checked_payload(self._source, k, self._profile) for k in numbers]
         if self._control is None:
