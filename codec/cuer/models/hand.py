@@ -151,8 +151,10 @@ class HandModel:
         motion = self.motion(parameters[:, n:])
         angle = self.angles(parameters[:, :n])
         flat = self.regression.reshape(len(self.regression), -1)
-        points = (regressors(angle) @ flat).reshape(frames, layout.N_HAND, 3)
-        by_angle = np.concatenate([-np.sin(angle), np.cos(angle)], axis=1).astype(np.float32)
+        regressor = regressors(angle)
+        points = (regressor @ flat).reshape(frames, layout.N_HAND, 3)
+        cosine, sine = np.split(regressor[:, 1:], 2, axis=1)
+        by_angle = np.concatenate([-sine, cosine], axis=1).astype(np.float32)
         twice = np.concatenate([self.angle_directions, self.angle_directions], axis=1)
         by_shape = (by_angle[:, None] * twice).reshape(-1, twice.shape[1]) @ flat[1:]
         out = np.empty((frames, self.n_parameters, layout.N_HAND, 3), dtype=np.float32)

@@ -156,19 +156,21 @@ def seen_into(
         moved[g], turned[g], shaped[g] = 0.0, 0.0, 0.0
         last_margin[g], since[g], sure[g] = -1.0, 0.0, 0.0
     low = 1
-    margin_s = 0.2
+    # A stroke moves nothing before it begins and after its latest part has ended.
+    early = min(0.0, min(lateness[0], lateness[2]))
+    late = max(0.0, max(lateness[1], lateness[3]))
     time = leave[1] - 0.1
     first = True
     while time < reach[n - 1] + 0.1:
-        if time <= leave[asked] - margin_s:
+        if time <= leave[asked] + early - 2.0 * step:
             time += step
             continue
-        while low < n - 1 and reach[low] + margin_s < time:
+        while low < n - 1 and reach[low] + late < time:
             low += 1
         if low > until:
             break
         high = low
-        while high < n and leave[high] - margin_s < time:
+        while high < n and leave[high] + early < time:
             high += 1
         # Shares of the targets base .. high - 1; what came before is done with.
         base = low - 1
