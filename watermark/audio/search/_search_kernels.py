@@ -235,7 +235,7 @@ def turned_scores(
     profiles, places = score.shape
     rows = projections.shape[1]
     real, imaginary = np.empty(rows, dtype=np.float32), np.empty(rows, dtype=np.float32)
-    soft = np.empty(rows, dtype=np.int8)
+    turned, soft = np.empty(rows, dtype=np.float32), np.empty(rows, dtype=np.int8)
     sums = np.empty((PAIRED, places), dtype=np.int16)
     starts = np.empty((PAIRED, slots.shape[1]), dtype=np.int64)
     masks = np.empty((PAIRED, slots.shape[1]), dtype=np.int8)
@@ -248,8 +248,10 @@ def turned_scores(
             real[i], imaginary[i] = projections[s, i].real, projections[s, i].imag
         best[:] = LOWEST
         for t in range(turn.size):
-            a, z = turn[t].real * pace, turn[t].imag * pace
-            soft_row(real, imaginary, alive[s], a, z, dither[s], soft)
+            a, z = turn[t].real, turn[t].imag
+            for i in range(rows):
+                turned[i] = real[i] * a - imaginary[i] * z
+            soft_row(turned, alive[s], pace, dither[s], soft)
             # Two profiles at once: what both add, and what the second takes that the first adds.
             for p in range(0, profiles, 2):
                 q = min(p + 1, profiles - 1)

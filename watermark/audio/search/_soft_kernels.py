@@ -11,13 +11,19 @@ from codec.compiled import njit
 from watermark.audio.search.pilot_scan import PARTS
 
 COSINE = (
-    np.float32(0.9985258),
-    np.float32(-19.54981647),
-    np.float32(61.07633166),
-    np.float32(-59.49797175),
+    np.float32(PARTS * 0.9985258),
+    np.float32(PARTS * -19.54981647),
+    np.float32(PARTS * 61.07633166),
+    np.float32(PARTS * -59.49797175),
 )
-"""Polynomial in the square of a phase, -1/2 to 1/2, that is its cosine within 1.5e-3, a fifth
-of one of `PARTS`: interpolation at Chebyshev's points."""
+"""Polynomial in the square of a phase, -1/2 to 1/2, that is `PARTS` of its cosine within a
+hundredth: interpolation at Chebyshev's points."""
+
+WHOLE = np.float32(1.5 * 2**23)
+"""Added to a number of up to 2**22 and taken off again, it leaves the nearest whole number."""
+
+RAISED = 2 * PARTS
+"""Added to soft values in `PARTS` to make them positive."""
 
 WORD = 8
 """Turns of a row's phases: their soft values are written as one word, the first one lowest."""
@@ -25,7 +31,7 @@ WORD = 8
 Soft = NDArray[np.int8]
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 def pilot_soft(
     projections: NDArray[np.complex64],
     alive: NDArray[np.float32],
@@ -42,16 +48,19 @@ def pilot_soft(
     turns, count = turn.shape[0], alive.shape[1]
     one = np.float32(1)
     real, imaginary = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.float32)
-    value = np.empty((WORD, count), dtype=np.int8)
+    turned = np.empty(count, dtype=np.float32)
+    value = np.empty((steps.size, WORD, count), dtype=np.int8)
     for g in range(dither.size):
         for i in range(count):
             real[i], imaginary[i] = projections[g, i].real, projections[g, i].imag
+        for t in range(turns):
+            a, z = turn[t, g].real, turn[t, g].imag
+            for i in range(count):
+                turned[i] = real[i] * a - imaginary[i] * z
+            for s in range(steps.size):
+                soft_row(turned, alive[g], one / steps[s], dither[g], value[s, t])
         for s in range(steps.size):
-            pace = one / steps[s]
-            for t in range(turns):
-                a, z = turn[t, g].real * pace, turn[t, g].imag * pace
-                soft_row(real, imaginary, alive[g], a, z, dither[g], value[t])
-            interleave(value, soft[s, g, first : first + count * turns].view(np.uint64))
+            interleave(value[s], soft[s, g, first : first + count * turns].view(np.uint64))
 
 
 @njit(cache=True, inner=True)
@@ -72,22 +81,21 @@ def interleave(value: Soft, words: NDArray[np.uint64]) -> None:
         )
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, inner=True, fastmath={"contract"})
 def soft_row(
-    real: NDArray[np.float32],
-    imaginary: NDArray[np.float32],
+    turned: NDArray[np.float32],
     alive: NDArray[np.float32],
-    a: np.float32,
-    z: np.float32,
+    pace: np.float32,
     dither: np.float32,
     out: Soft,
 ) -> None:
-    """out[i] = alive[i] cos 2 pi (a real[i] - z imaginary[i] - dither)."""
+    """out[i] = `PARTS` of alive[i] cos 2 pi (pace turned[i] - dither), rounded."""
     c0, c1, c2, c3 = COSINE
-    half, parts = np.float32(0.5), np.float32(PARTS)
+    raised = np.float32(RAISED + 0.5)
     for i in range(out.size):
-        phase = real[i] * a - imaginary[i] * z - dither
-        phase -= np.floor(phase + half)
+        phase = turned[i] * pace - dither
+        phase -= (phase + WHOLE) - WHOLE
         u = phase * phase
+        # Numbers above 0 are rounded down as they are cut off.
         cosine = c0 + u * (c1 + u * (c2 + u * c3))
-        out[i] = np.int8(np.floor(parts * alive[i] * cosine + half))
+        out[i] = np.int8(np.int32(alive[i] * cosine + raised) - np.int32(RAISED))

@@ -22,9 +22,9 @@ from watermark.audio.signal.profile import (
     AudioProfile,
 )
 
-SEGMENT, JUMP, PENALTY = 4, 1000, 8.0
-"""Frames that a jump may part, the longest jump in samples, and the correlation of pilots that it
-must be worth: in 12 stretches of marked clips the best path was a true one."""
+JUMP, PENALTY = 1000, 8.0
+"""The longest jump in samples, and the correlation of pilots that it must be worth: in 12 stretches
+of marked clips the best path was a true one."""
 
 LEAST = 45.0
 """Least correlation of a path of pilots that is worth an attempt: 11 of 12 true ones have more, and
@@ -57,41 +57,53 @@ class StretchedCandidate:
 
 def find_stretched(key: int, seen: Sight, *, least: float = LEAST) -> StretchedCandidate | None:
     """Best candidate of a least score that lies whole in the sight of some 2 s, if any."""
-    from watermark.audio.search._stretched_kernels import BLOCK, follow_pilots
+    from watermark.audio.search._stretched_kernels import (
+        BLOCK,
+        SEGMENT,
+        add_pilots,
+        follow_pilots,
+    )
 
     soft, pilots = pilot_places(key, seen), make_pilots(key)
     slots = np.ascontiguousarray(pilots.slots.T)
+    masks = np.where(pilots.signs.transpose(2, 0, 1) < 0, -1, 0).astype(np.int8)
     segments = FRAMES_PER_SUPERFRAME // SEGMENT
     room = soft.shape[2] - ROW_HOP * (SEGMENT - 1)
     if room <= FRAMES_PER_SUPERFRAME * ROW_HOP:
         return None
-    score = np.empty(room // BLOCK * BLOCK, dtype=np.int16)
+    count = room // BLOCK * BLOCK
+    score = np.empty(count + (segments - 1) * SEGMENT * ROW_HOP, dtype=np.int16)
     doublings = math.ceil(math.log2(JUMP / (PLACE * BLOCK)))
     penalty = np.int16(round(PENALTY * PARTS))
+
+    common = np.zeros((segments, count), dtype=np.int8)
+    own, nothing = np.empty_like(common), np.zeros_like(common)
 
     # Viterbi over places: a segment begins where the last one ends, or at a price anywhere within
     # 2 ** doublings blocks.
     def follow(tier: int, profile: AudioProfile, origin: NDArray[np.int32]) -> None:
-        signs = np.ascontiguousarray(pilots.signs[profile.number].T, dtype=np.int16)
-        follow_pilots(soft[tier], slots, signs, ROW_HOP, SEGMENT, doublings, penalty, score, origin)
+        add_pilots(soft[tier], slots[1], masks[1, profile.number], ROW_HOP, common, own)
+        follow_pilots(own, SEGMENT * ROW_HOP, doublings, penalty, score, origin)
 
     best = None
     # First pass: scores alone, to choose tier and profile; keeping origins costs memory.
     for tier in range(len(PILOT_STEPS)):
+        add_pilots(soft[tier], slots[0], masks[0, 0], ROW_HOP, nothing, common)
         for profile in PROFILES.values():
             if not profile.levels_of(tier):
                 continue
             follow(tier, profile, np.empty((0, 0), dtype=np.int32))
-            highest = int(score.max())
+            highest = int(score[:count].max())
             if highest >= least * PARTS and (best is None or highest > best[0]):
                 best = highest, tier, profile
     if best is None:
         return None
     # Second pass for the best one, with origins, then back from the end.
-    origin = np.empty((segments, score.size), dtype=np.int32)
+    origin = np.empty((segments, count), dtype=np.int32)
     highest, tier, profile = best
+    add_pilots(soft[tier], slots[0], masks[0, 0], ROW_HOP, nothing, common)
     follow(tier, profile, origin)
-    starts = [int(score.argmax())]
+    starts = [int(score[:count].argmax())]
     for j in range(segments - 1, 0, -1):
         starts.append(int(origin[j, starts[-1]]))
     frame = ROW_HOP * np.arange(SEGMENT)
