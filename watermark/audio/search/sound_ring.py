@@ -140,9 +140,12 @@ class SoundRing:
 
     def _parts(self, mix: ChannelMix, start: int, count: int) -> list[NDArray[np.float64]]:
         """Return what each channel of some weight adds to a mix."""
-        skews = [mix.skew if channel == 1 else 0.0 for channel in range(len(mix.weights))]
-        return [
-            weight * sound.read(start + skew, 1.0, count)
-            for weight, sound, skew in zip(mix.weights, self._sounds, skews, strict=True)
-            if weight
-        ] or [np.zeros(count)]
+        known = self.first <= start and start + count <= self.end
+        parts = []
+        for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
+            skew = mix.skew if channel == 1 else 0.0
+            if weight and known and not skew:
+                parts.append(weight * sound.view(start, count))
+            elif weight:
+                parts.append(weight * sound.read(start + skew, 1.0, count))
+        return parts or [np.zeros(count)]

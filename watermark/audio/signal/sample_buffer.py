@@ -19,6 +19,10 @@ STEPS = 256
 REACH = 32
 """Half the length of the impulse response in samples of the slower of both rates."""
 
+SPARE = 96_000
+"""Samples for which a tape that holds more has room before it is moved to the front of its store:
+2 s, 0.8 MB."""
+
 KAISER_BETA = 9.0
 """Side lobes of the window below -90 dB."""
 
@@ -84,9 +88,11 @@ class SampleBuffer:
         """Add samples at the end."""
         if self.end - self._offset + block.size > self._store.size:
             kept, size = self.samples, self.end - self.first + block.size
-            # A quarter more than is needed: a long tape is not copied for each short block. New
-            # memory costs more than copying, so the present store serves while an eighth is free.
-            store = self._store if 9 * size <= 8 * self._store.size else np.empty(5 * size // 4)
+            # A quarter more than is needed, and two seconds: a long tape is not copied for each
+            # short block. New memory costs more than copying, so the present store serves while an
+            # eighth is free.
+            room = size + max(size // 4, SPARE if kept.size > SPARE else 0)
+            store = self._store if 9 * size <= 8 * self._store.size else np.empty(room)
             store[: kept.size] = kept
             self._store, self._offset = store, self.first
         begin = self.end - self._offset
@@ -128,10 +134,15 @@ class SampleBuffer:
         _kernels.interpolate(sound, position - begin, ratio, table, out)
         return out
 
+    def view(self, position: int, count: int) -> NDArray[np.float64]:
+        """Return samples that are all in memory, without a copy: they hold until the next ones."""
+        begin = position - self._offset
+        return self._store[begin : begin + count]
+
     def _cut(self, position: int, count: int) -> NDArray[np.float64]:
         begin, end = max(position, self.first), min(position + count, self.end)
         if end - begin == count:
-            return self._store[begin - self._offset : end - self._offset].copy()
+            return self.view(position, count).copy()
         out = np.zeros(count)
         if begin < end:
             out[begin - position : end - position] = self.samples[
