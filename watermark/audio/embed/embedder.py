@@ -305,8 +305,11 @@ class AudioEmbedder:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
-                    if sufficient is not None and base != QUIETEST:
-                        above = max(control.base, floor) - sufficient + base - control.base
+                    helps = sufficient is not None and not control.gives_up(sufficient)
+                    if sufficient is not None and helps and base != QUIETEST:
+                        # The first stretch shows what the grade pays for.
+                        kept = floor if self._next else -math.inf
+                        above = max(control.base, kept) - sufficient + base - control.base
                         levels = [
                             plain
                             if least is None
@@ -318,6 +321,8 @@ class AudioEmbedder:
                     last = self._stretch(sound, clean, payloads, levels)
                 return last
 
+            if sufficient is not None and control.gives_up(sufficient):
+                floor = -math.inf
             made = control.settle(attempt, enough=sufficient, least=floor)
             if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):
                 # Whether the grade suffices is known by now: what was settled, written apart.

@@ -94,10 +94,13 @@ OVERDRAWN = 3.0
 with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
 
 TOLERATED, GIVEN_UP = 0.05, 20.0
-"""Deficit up to which that is all, and the factor of what lies beyond: where a coder leaves too
-little at any level, as AAC at 64 kbit/s of speech, superframes failed all the same and the grade of
-a minute was -0.65; so it is -0.51."""
+"""Deficit up to which that is all, and the factor of what lies beyond."""
 
+FAILING, READABLE = 1.58, 1.33
+"""Levels below `codec_loop.MARGIN` at which 1.1 and 1.2 times the information of the message are
+left. Where the grade pays for no more than the former, as through AAC at 64 kbit/s of speech,
+superframes fail all the same: the stretch is written as without a rehearsal, until the grade pays
+for the latter. Six clips through too poor coders: grades -0.41 to -0.53 before, -0.40 to -0.43."""
 
 SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
@@ -195,7 +198,8 @@ class LevelControl:
         self._target = target
         self.base = START_BASE
         self._passage = _Passage(channels)
-        self._started = False
+        self._started = self._gave_up = False
+        self._affordable: float | None = None
 
     @property
     def grade(self) -> float | None:
@@ -240,6 +244,9 @@ class LevelControl:
             # softened only where they miss the grade by far.
             if not self._started:
                 chosen = self._begin(hear, chosen, grade)
+                self._affordable = self.base
+                if self.base < least and enough is not None and not self.gives_up(enough):
+                    chosen = hear(least)
                 if enough is not None and enough < self.base and self._best > self._wanted:
                     chosen = self._begin_softly(hear, chosen, enough)
             elif grade < self._wanted - GIVE_UP:
@@ -255,7 +262,8 @@ class LevelControl:
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
-        self.base = max(self.base, least)
+        if enough is None or not self.gives_up(enough):
+            self.base = max(self.base, least)
         return chosen.made
 
     @property
@@ -265,6 +273,14 @@ class LevelControl:
         short = 0.0 if last is None else max(self._wanted - last, 0.0)
         given = OVERDRAWN * short + GIVEN_UP * max(short - TOLERATED, 0.0)
         return self._passage.maturity * given / GRADES_PER_LEVEL
+
+    def gives_up(self, enough: float) -> bool:
+        """Whether superframes fail at every base that the lowest grade pays for."""
+        if self._affordable is None:
+            return False
+        lack = enough - self._affordable
+        self._gave_up = lack > (READABLE if self._gave_up else FAILING)
+        return self._gave_up
 
     def lack(self, enough: float) -> float:
         """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
@@ -283,6 +299,7 @@ class LevelControl:
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
         error = (passage - self._target) / GRADES_PER_LEVEL
+        self._affordable = self._passage.mean_base + (passage - self._wanted) / GRADES_PER_LEVEL
         wanted = self._passage.mean_base + (1 + MAKE_GOOD * self._passage.maturity) * error
         move = np.clip(wanted - self.base, *MOVE_LIMITS)
         self.base = float(np.clip(self.base + move, *BASE_LIMITS))

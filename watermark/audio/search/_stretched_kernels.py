@@ -26,7 +26,7 @@ Soft = NDArray[np.int8]
 def _add_four(
     values: Soft, starts: NDArray[np.int64], masks: Soft, before: Soft, total: Soft
 ) -> None:
-    """total[n] = before[n] + values[starts[f] + n] for all four f, or less it where masks[f] is -1."""
+    """total[n] = before[n] + values[starts[f] + n] for four f, or less it where masks[f] is -1."""
     a, b = values[starts[0] : starts[0] + total.size], values[starts[1] :]
     c, d = values[starts[2] :], values[starts[3] :]
     p, q, r, s = masks[0], masks[1], masks[2], masks[3]

@@ -57,12 +57,7 @@ class StretchedCandidate:
 
 def find_stretched(key: int, seen: Sight, *, least: float = LEAST) -> StretchedCandidate | None:
     """Best candidate of a least score that lies whole in the sight of some 2 s, if any."""
-    from watermark.audio.search._stretched_kernels import (
-        BLOCK,
-        SEGMENT,
-        add_pilots,
-        follow_pilots,
-    )
+    from watermark.audio.search._stretched_kernels import BLOCK, SEGMENT, add_pilots, follow_pilots
 
     soft, pilots = pilot_places(key, seen), make_pilots(key)
     slots = np.ascontiguousarray(pilots.slots.T)
