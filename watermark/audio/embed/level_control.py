@@ -246,6 +246,7 @@ class LevelControl:
                 chosen = self._begin(hear, chosen, grade)
                 self._affordable = self.base
                 if self.base < least and enough is not None and not self.gives_up(enough):
+                    self.base = least
                     chosen = hear(least)
                 if enough is not None and enough < self.base and self._best > self._wanted:
                     chosen = self._begin_softly(hear, chosen, enough)
