@@ -6,6 +6,8 @@ import random
 import signal
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -24,6 +26,22 @@ from cuecast.live.ring import Ring
 from cuecast.live.succession import ShadowOutput
 from cuecast.live.worker import Cuer, MarkedPiece, Worker, WorkerState
 from tests.bench.hour_on_air import Service, free_port, others, paced, packets_of, write_stream
+
+
+def test_counters_of_the_ring_never_go_back_for_the_other_process() -> None:
+    ring = Ring()
+    beats = (
+        f"from cuecast.live.ring import Ring; one = Ring({ring.file})\nfor _ in range(100_000):\n"
+    )
+    code = [sys.executable, "-c", beats + "    one.beat()"]
+    last, back = 0, 0
+    with subprocess.Popen(code, pass_fds=[ring.file]) as child:
+        while last < 100_000 and (child.poll() is None or ring.pulse > last):
+            last, before = ring.pulse, last
+            back += last < before
+    ring.close()
+    assert last == 100_000
+    assert not back
 
 
 def test_messages_arrive_whole_and_once() -> None:
