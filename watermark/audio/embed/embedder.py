@@ -305,8 +305,8 @@ class AudioEmbedder:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
-                    helps = sufficient is not None and not control.gives_up(sufficient)
-                    if sufficient is not None and helps and base != QUIETEST:
+                    helps = base != QUIETEST and not control.given_up
+                    if sufficient is not None and helps:
                         # The first stretch shows what the grade pays for.
                         kept = floor if self._next else -math.inf
                         above = max(control.base, kept) - sufficient + base - control.base
@@ -321,8 +321,6 @@ class AudioEmbedder:
                     last = self._stretch(sound, clean, payloads, levels)
                 return last
 
-            if sufficient is not None and control.gives_up(sufficient):
-                floor = -math.inf
             made = control.settle(attempt, enough=sufficient, least=floor)
             if not self._next and (sufficient is None or control.lack(sufficient) < SHORT[1]):
                 # Whether the grade suffices is known by now: what was settled, written apart.

@@ -188,6 +188,8 @@ class LevelControl:
     ----------
     base : float
         Base level of the next stretch.
+    given_up : bool
+        Whether superframes fail at every base that the lowest grade pays for.
     """
 
     def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
@@ -198,7 +200,7 @@ class LevelControl:
         self._target = target
         self.base = START_BASE
         self._passage = _Passage(channels)
-        self._started = self._gave_up = False
+        self._started = self.given_up = False
         self._affordable: float | None = None
 
     @property
@@ -228,6 +230,8 @@ class LevelControl:
             by itself is written more softly.
         """
         last: _HeardAttempt[T] | None = None
+        self._judge(enough)
+        least = -math.inf if self.given_up else least
 
         def hear(base: float | None) -> _HeardAttempt[T]:
             nonlocal last
@@ -245,7 +249,8 @@ class LevelControl:
             if not self._started:
                 chosen = self._begin(hear, chosen, grade)
                 self._affordable = self.base
-                if self.base < least and enough is not None and not self.gives_up(enough):
+                self._judge(enough)
+                if self.base < least and not self.given_up:
                     self.base = least
                     chosen = hear(least)
                 if enough is not None and enough < self.base and self._best > self._wanted:
@@ -263,7 +268,8 @@ class LevelControl:
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
-        if enough is None or not self.gives_up(enough):
+            self._judge(enough)
+        if not self.given_up:
             self.base = max(self.base, least)
         return chosen.made
 
@@ -274,14 +280,6 @@ class LevelControl:
         short = 0.0 if last is None else max(self._wanted - last, 0.0)
         given = OVERDRAWN * short + GIVEN_UP * max(short - TOLERATED, 0.0)
         return self._passage.maturity * given / GRADES_PER_LEVEL
-
-    def gives_up(self, enough: float) -> bool:
-        """Whether superframes fail at every base that the lowest grade pays for."""
-        if self._affordable is None:
-            return False
-        lack = enough - self._affordable
-        self._gave_up = lack > (READABLE if self._gave_up else FAILING)
-        return self._gave_up
 
     def lack(self, enough: float) -> float:
         """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
@@ -296,6 +294,12 @@ class LevelControl:
         """Return what a stretch takes from the passage's grade by itself being below it."""
         low = heard.grade is not None and heard.grade < self._target
         return self._passage.loss(heard.meter) if low else 0.0
+
+    def _judge(self, enough: float | None) -> None:
+        """Settle whether to give up, after what suffices or what the grade pays for was learnt."""
+        if self._affordable is not None and enough is not None:
+            lack = enough - self._affordable
+            self.given_up = lack > (READABLE if self.given_up else FAILING)
 
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
