@@ -26,8 +26,8 @@ from watermark.audio.signal.mix import front_of, mid_of, side_of
 from watermark.audio.signal.profile import FS, HOP, STANDARD, SUPERFRAME
 
 LENGTH, STRETCH_S, NEAR_S = 150, (4.0, 20.0), 0.1
-"""Superframes of the programme, played again and again; least and greatest length of what follows
-upon another; how far from its place a superframe may be reported."""
+"""Superframes of the programme, played again and again; least and greatest length of stretches that
+follow each other; how far from its place a superframe may be reported."""
 
 LEVEL, LOUDER, TRUE, ALIEN, LATER = 6, 4, 7, 8, 9
 """Level of the marks, and by how much the adversary's is to drown the true one: 6 dB. Seeds of
@@ -80,7 +80,7 @@ def tones_on(x: Sound) -> Sound:
 
 
 def make_tapes(x: Sound, shift: int) -> dict[str, Tape]:
-    """Return the true programme, first, and what the adversary makes of it."""
+    """Return the true programme, first, and the adversary's alterations of it."""
     true, alien = marked(x, TRUE, LEVEL), marked(x, ALIEN, LEVEL)
     half, turn = (np.arange(len(x))[:, np.newaxis] // n % 2 for n in (SUPERFRAME // 2, FS // 2))
     two, louder = (marked(true[shift:], LATER, LEVEL + more) for more in (0, LOUDER))

@@ -296,7 +296,7 @@ class LevelControl:
         return self._passage.loss(heard.meter) if low else 0.0
 
     def _judge(self, enough: float | None) -> None:
-        """Settle whether to give up, after what suffices or what the grade pays for was learnt."""
+        """Settle whether to give up, after a stretch or a rehearsal told more."""
         if self._affordable is not None and enough is not None:
             lack = enough - self._affordable
             self.given_up = lack > (READABLE if self.given_up else FAILING)
