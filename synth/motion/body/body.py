@@ -113,16 +113,19 @@ class Body:
     unit_names: tuple[str, ...]
     landmarks: dict[str, FloatArray]
 
-    def markers(self, pose: BodyPose) -> FloatArray:
-        """Return the 113 markers, shape (T, 113, 3), mm."""
-        return np.concatenate(
-            [self.face(pose.units, pose.head), self.hand(pose.angles, pose.forearm)], axis=1
-        )
+    def markers(
+        self, pose: BodyPose, neck: tuple[FloatArray, FloatArray] | None = None
+    ) -> FloatArray:
+        """Return the 113 markers, shape (T, 113, 3), mm; `neck` is that of the pose, if known."""
+        face = self.face(pose.units, pose.head, neck)
+        return np.concatenate([face, self.hand(pose.angles, pose.forearm)], axis=1)
 
-    def face(self, units: FloatArray, head: FloatArray) -> FloatArray:
+    def face(
+        self, units: FloatArray, head: FloatArray, neck: tuple[FloatArray, FloatArray] | None = None
+    ) -> FloatArray:
         """Return the 63 markers of head and throat, shape (T, 63, 3), mm."""
         shift = np.tensordot(units, self.units, axes=1) + self.face_tissue.shift(units)
-        return self.face_skin.place_moved(shift, *self.neck(head))
+        return self.face_skin.place_moved(shift, *(neck or self.neck(head)))
 
     def hand(self, angles: FloatArray, forearm: FloatArray) -> FloatArray:
         """Return the 50 markers of hand and forearm, shape (T, 50, 3), mm."""

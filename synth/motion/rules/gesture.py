@@ -229,7 +229,11 @@ class GestureSynthesiser:
         ndarray of float32, shape (n_frames, 113, 3)
             Millimetres, order of `codec.cuer.layout.MARKERS`.
         """
-        return self.body.markers(self.pose(score, start_s, n_frames)).astype(np.float32)
+        times = self.times_s(start_s, n_frames)
+        plan = self._plan(score)
+        head, angles, forearm, neck = self._carriage(plan, times)
+        pose = BodyPose(self._units(plan, times), head, angles, forearm)
+        return self.body.markers(pose, neck).astype(np.float32)
 
     def hand(self, score: Score, start_s: float, n_frames: int) -> FloatArray:
         """Return the markers of hand and forearm as seen from the head.
@@ -244,8 +248,8 @@ class GestureSynthesiser:
         ndarray of float64, shape (n_frames, 50, 3)
             Millimetres; the head is at rest.
         """
-        head, angles, forearm = self._carriage(self._plan(score), self.times_s(start_s, n_frames))
-        turns, places = self.body.neck(head)
+        times = self.times_s(start_s, n_frames)
+        _, angles, forearm, (turns, places) = self._carriage(self._plan(score), times)
         apart = self.body.hand(angles, forearm) - places[:, -1:]
         return np.asarray(apart @ turns[:, -1] + self.body.face_skin.origins[-1])
 
@@ -298,12 +302,12 @@ class GestureSynthesiser:
         """Return face-unit weights, head, hand angles and forearm of each frame."""
         times = self.times_s(start_s, n_frames)
         plan = self._plan(score)
-        return BodyPose(self._units(plan, times), *self._carriage(plan, times))
+        return BodyPose(self._units(plan, times), *self._carriage(plan, times)[:3])
 
     def _carriage(
         self, plan: _Plan, times: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return head, hand angles and forearm at each time, as of `BodyPose`."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+        """Return head, hand angles and forearm at each time, as of `BodyPose`, and its neck."""
         rule = self._movement
 
         # Every channel moves from target to target by the law, each with its own lateness.
@@ -324,14 +328,15 @@ class GestureSynthesiser:
         #           + the part of the head's motion that the placement shares
         head = self._head_drift.at(times)
         head[:, :3] += course(plan.meets, rule.head_begin_s, rule.head_end_s)
+        neck = self.body.neck(head)
         carrier = course(np.column_stack([plan.target, plan.follows]), 0.0, 0.0)
         turning = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
         forearm = course(plan.forearm, rule.turn_begin_s * turning, rule.turn_end_s * turning)
         forearm += self._arm_drift.at(times)
         forearm[:, 3:] += self._arc(plan, times)
-        forearm[:, 3:] += carrier[:, 3:] * self._carried(carrier[:, :3], head)
+        forearm[:, 3:] += carrier[:, 3:] * self._carried(carrier[:, :3], neck)
         angles = course(plan.angles, self._begins, self._ends) + self._angle_drift.at(times)
-        return head, angles, forearm
+        return head, angles, forearm, neck
 
     def _arc(self, plan: _Plan, times: FloatArray) -> FloatArray:
         """Return how far the wrist leaves the straight way, (T, 3), mm."""
@@ -479,9 +484,9 @@ class GestureSynthesiser:
         begins[:3], ends[:3] = rule.turn_begin_s, rule.turn_end_s
         return begins, ends
 
-    def _carried(self, points: FloatArray, head: FloatArray) -> FloatArray:
+    def _carried(self, points: FloatArray, neck: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Return how far the head's motion carries points of the resting head, (T, 3), mm."""
-        turns, places = self.body.neck(head)
+        turns, places = neck
         from_joint = points - self.body.face_skin.origins[-1]
         turned: FloatArray = np.einsum("tij,tj->ti", turns[:, -1], from_joint)
         return places[:, -1] + turned - points
