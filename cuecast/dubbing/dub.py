@@ -34,7 +34,6 @@ from cuecast.dubbing.coder_stream import USUAL, make_rehearsal
 from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
-from cuecast.dubbing.pictures import PictureOptions, dub_picture
 from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
 from cuecast.dubbing.signing import Signing
 from cuecast.media.rewrite import Stage, rewrite_sound
@@ -179,6 +178,9 @@ def dub(
                 programme, motion, voice, marked, options, sent, signing, progress
             )
         if picture:
+            # The carriers of pictures take a tenth of a second to import.
+            from cuecast.dubbing.pictures import PictureOptions, dub_picture
+
             carriers |= dub_picture(
                 marked,
                 lambda *sizes: superframe_source(
