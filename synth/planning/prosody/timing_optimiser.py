@@ -137,7 +137,7 @@ class TimingOptimiser:
         self._sight, self._rest_gap_s = sight, options.rest_gap_s
         self._rest = round(options.rest_gap_s / TICK_S)
         self._room = round(room_s / TICK_S)
-        self._prices: dict[tuple[int, ...], float] = {}
+        self._prices: dict[tuple[int, bytes, bytes], float] = {}
         self._looks: dict[tuple[object, ...], tuple[FloatArray, FloatArray]] = {}
         self._spread_s = _SPREAD_S
 
@@ -240,10 +240,10 @@ class TimingOptimiser:
     def _price(self, line: KeyLine, k: int) -> float:
         """Return the cost of making a key, or the pause after it, one tick shorter."""
         low, high = max(k - _TOUCHED - _AROUND, 0), min(k + _TOUCHED + _AROUND + 1, len(line.start))
-        part = line[low:high]
-        at = k - low
-        sight = k, *(part.start - part.start[0]).tolist(), *(part.end - part.start[0]).tolist()
+        first = line.start[low]
+        sight = k, (line.start[low:high] - first).tobytes(), (line.end[low:high] - first).tobytes()
         if sight not in self._prices:
+            part, at = line[low:high], k - low
             free = replace(part, early=part.early - 1)
             other = self._shifted(free, at + 1, len(part.start), -1)
             span = [(max(at - 1, 0), min(at + _TOUCHED + 1, len(part.start)))]
@@ -297,15 +297,20 @@ class TimingOptimiser:
                 return None
             if self._rest <= new < self._room:
                 return None
-        start, end = line.start.copy(), line.end.copy()
-        start[i:j] += shift
-        end[i:j] += shift
+        start = line.start.copy()
         moved = start[i:j]
-        if (moved < line.early[i:j]).any() or (moved > line.late[i:j]).any():
+        moved += shift
+        if np.count_nonzero((moved < line.early[i:j]) | (moved > line.late[i:j])):
             return None
+        end = line.end.copy()
+        end[i:j] += shift
         for edge in joined:
             end[edge - 1] = start[edge]
-        return replace(line, start=start, end=end)
+        # As `replace`, in half its time.
+        return KeyLine(
+            start, end, line.early, line.late, line.least, line.pause, line.key, line.lag,
+            line.more, line.frozen,
+        )  # fmt: skip
 
     def _costs(self, line: KeyLine, first: int, last: int) -> FloatArray:
         """Return the costs of some keys: those that are not seen, and too fast ones."""
