@@ -48,7 +48,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def group_into(
     power: FloatArray,
     first: IntArray,
@@ -65,7 +65,7 @@ def group_into(
         out[b] = max(total, 1e-12)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def spread_into(
     bands: FloatArray,
     upper_slope: FloatArray,
@@ -102,7 +102,7 @@ def spread_into(
         out[b] = out[b] * out[b] * math.sqrt(out[b]) / unit[b]
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def adapt_into(
     excitation: FloatArray,
     decay: FloatArray,
@@ -147,7 +147,7 @@ def adapt_into(
             out[s, b] *= state[row, b]
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def modulation_into(
     excitation: FloatArray, decay: FloatArray, frame_rate: float, state: FloatArray, out: FloatArray
 ) -> None:
@@ -163,7 +163,7 @@ def modulation_into(
             out[s, b] = state[CHANGE + s, b] / (1.0 + state[MEAN + s, b] / 0.3)
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def loudness(
     excitation: FloatArray, threshold: FloatArray, index: FloatArray, scale: FloatArray
 ) -> float:
@@ -175,7 +175,7 @@ def loudness(
     return total * 24.0 / threshold.size
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def loudness_scale_into(
     threshold: FloatArray, index: FloatArray, unit: float, scale: FloatArray
 ) -> None:
@@ -184,7 +184,7 @@ def loudness_scale_into(
         scale[b] = unit * (threshold[b] / (index[b] * 1e4)) ** 0.23
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def noise_loudness(
     masker: FloatArray,
     heard: FloatArray,
@@ -213,7 +213,7 @@ def noise_loudness(
     return max(0.0, total * 24.0 / noise.size)
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def modulation_difference(
     modulation: FloatArray, mean: FloatArray, quiet: FloatArray
 ) -> tuple[float, float, float]:
@@ -232,14 +232,14 @@ def modulation_difference(
     return 100.0 * plain / n, 100.0 * asymmetric / n, weight
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def quiet_into(noise: FloatArray, times: float, quiet: FloatArray) -> None:
     """Fill in multiples of the internal noise's loudness in each band."""
     for b in range(noise.size):
         quiet[b] = times * noise[b] ** 0.3
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def bandwidths(ref: FloatArray, test: FloatArray) -> tuple[int, int]:
     """Bandwidths in bins, or (-1, -1) where the reference reaches no more than 8.1 kHz."""
     floor = 0.0
@@ -256,7 +256,7 @@ def bandwidths(ref: FloatArray, test: FloatArray) -> tuple[int, int]:
     return width, k
 
 
-@njit(cache=True, inner=True)
+@njit(cache=True, error_model="numpy", inner=True)
 def detection_into(excitation: FloatArray, probability: FloatArray, steps: FloatArray) -> None:
     """Detect a difference: probability per band, and its size in just noticeable steps."""
     for b in range(probability.size):
@@ -274,7 +274,7 @@ def detection_into(excitation: FloatArray, probability: FloatArray, steps: Float
         steps[b] = max(steps[b], abs(math.trunc(difference)) / step)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def frames_into(
     power: FloatArray,
     outer_ear: FloatArray,
@@ -348,7 +348,7 @@ def frames_into(
         detection_into(excitation, probability[t], steps[t])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def polyphase_into(
     history: FloatArray, taps: FloatArray, down: int, first: int, start: int, out: FloatArray
 ) -> None:
@@ -368,7 +368,7 @@ def polyphase_into(
             out[i, c] = total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def count_frames(
     features: FloatArray,
     ehs: FloatArray,
