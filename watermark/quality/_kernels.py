@@ -420,6 +420,36 @@ def frames_into(
 
 
 @njit(cache=True, error_model="numpy")
+def ratios_into(power: FloatArray, floor: float, out: FloatArray) -> None:
+    """out[t, k] = logarithm of test over reference, both at least `floor`.
+
+    power : (2, T, bins); the first and the last column of `out` are left as they are.
+    """
+    for t in range(out.shape[0]):
+        ref, test, row = power[0, t], power[1, t], out[t]
+        for k in range(1, row.size - 1):
+            row[k] = logarithm(max(test[k], floor) / max(ref[k], floor))
+
+
+@njit(cache=True, error_model="numpy")
+def normalise_into(x: FloatArray, product: FloatArray, out: FloatArray) -> None:
+    """Divide correlations of the first half of rows with the rows by both parts' root energies.
+
+    x, product : (T, 2 lags), the correlations are in the first half; out : (T, lags), 1 where there
+    is nothing.
+    """
+    lags = out.shape[1]
+    squares = np.zeros(2 * lags)
+    for t in range(out.shape[0]):
+        for k in range(2 * lags - 1):
+            squares[k + 1] = squares[k] + x[t, k] * x[t, k]
+        older, newer, row, given = squares[:lags], squares[lags:], out[t], product[t]
+        for k in range(lags):
+            norm = math.sqrt(max((newer[k] - older[k]) * squares[lags], 0.0))
+            row[k] = given[k] / norm if norm > 1e-20 else 1.0
+
+
+@njit(cache=True, error_model="numpy")
 def polyphase_into(
     history: FloatArray, taps: FloatArray, down: int, first: int, start: int, out: FloatArray
 ) -> None:

@@ -199,18 +199,13 @@ def harmonic_structure(power: FloatArray, energy: FloatArray) -> FloatArray:
         Largest value of the spectrum of the normalised autocorrelation that exceeds the one before
         it, -1 where both are silent.
     """
-    ref, test = np.maximum(power[:, :, : 2 * LAGS - 1], _FLOOR)
-    ratio = np.log(test / ref)
-    ratio[:, 0] = 0.0  # the ear does not hear 0 Hz
+    # The ear does not hear 0 Hz; a zero fills the transform up.
+    ratio = np.zeros((power.shape[1], 2 * LAGS))
+    k.ratios_into(power, _FLOOR, ratio)
     head = np.fft.rfft(ratio[:, :LAGS], 2 * LAGS)
-    whole = np.fft.rfft(ratio, 2 * LAGS)
-    product = np.fft.irfft(np.conj(head) * whole, 2 * LAGS)[:, :LAGS]
-    squares = np.zeros((len(ratio), 2 * LAGS))
-    np.cumsum(np.square(ratio), axis=1, out=squares[:, 1:])
-    moving = squares[:, LAGS:] - squares[:, :LAGS]
-    norm = np.sqrt(np.maximum(moving * moving[:, :1], 0.0))
-    correlation = np.ones_like(product)
-    np.divide(product, norm, out=correlation, where=norm > 1e-20)
+    product = np.fft.irfft(np.conj(head) * np.fft.rfft(ratio))
+    correlation = np.empty((len(ratio), LAGS))
+    k.normalise_into(ratio, product, correlation)
     correlation -= correlation.mean(axis=1, keepdims=True)
     spectrum = np.fft.rfft(correlation * _WINDOW, axis=1)
     spectrum = np.square(spectrum.real) + np.square(spectrum.imag)
