@@ -112,7 +112,8 @@ def logarithm(x: float) -> float:
 @njit(cache=True, error_model="numpy", inner=True)
 def raised(x: float, exponent: float) -> float:
     """Raise a normal number x > 0 to an exponent."""
-    return exponential(exponent * logarithm(x))
+    power: float = exponential(exponent * logarithm(x))
+    return power
 
 
 @njit(cache=True, error_model="numpy")
