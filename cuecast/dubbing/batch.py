@@ -42,7 +42,9 @@ def run_task(task: Task) -> dict[str, Any]:
 
     def work(made: Path) -> dict[str, Any]:
         from cuecast.dubbing.job import job_of, run_job
+        from cuecast.dubbing.memory import keep_freed_memory
 
+        keep_freed_memory()
         args = argparse.Namespace(
             programme=task.programme,
             output=str(made),

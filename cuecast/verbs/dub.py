@@ -134,7 +134,9 @@ def run(args: argparse.Namespace) -> int:
     if args.output is None:
         raise UsageError("dub: say the output with -o OUT")
     from cuecast.dubbing.job import job_of, run_job
+    from cuecast.dubbing.memory import keep_freed_memory
 
+    keep_freed_memory()
     report = run_job(job_of(args))
     if args.report is not None:
         write_json(args.report, report)
