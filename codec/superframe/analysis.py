@@ -147,12 +147,12 @@ class Analyst:
 
     def analyse(self, motion: Motion, index: int) -> Analysis:
         """Return the content to send of superframe `index`."""
+        if motion.score is not None:
+            return self._ways(motion, motion.score, index, NOMINAL_MM)[0]
         block = block_at(motion, index)
         slow = (self._slow.piece(index),) if self._slow.due(index) else ()
-        if motion.score is None:
-            header = self._header(PLAIN, index, slow)
-            return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
-        return self._ways(motion, motion.score, index, NOMINAL_MM)[0]
+        header = self._header(PLAIN, index, slow)
+        return Analysis(index, header, None, False, {}, slow, block - self._coding.mean)
 
     def ways(self, motion: Motion, index: int, width_mm: float) -> list[Analysis]:
         """Return the content to send of a superframe by the likely uses of its prediction.
