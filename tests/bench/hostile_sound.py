@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cuecast.dubbing.coder_stream import make_rehearsal
 from cuecast.evaluate.sound_channels import encode, find_channel
 from tests.bench.hunt import BLOCK, Sound, sound_of
 from watermark.audio.embed.embedder import AudioEmbedder
@@ -30,7 +31,7 @@ LENGTH, STRETCH_S, NEAR_S = 150, (4.0, 20.0), 0.1
 follow each other; how far from its place a superframe may be reported."""
 
 LEVEL, LOUDER, TRUE, ALIEN, LATER = 6, 4, 7, 8, 9
-"""Level of the marks, and by how much the adversary's is to drown the true one: 6 dB. Seeds of
+"""Level of a mark upon the true one, and by how much one that drowns it has more: 6 dB. Seeds of
 payloads: the broadcaster's, the adversary's in the same grid, and beside it."""
 
 Tape = tuple[Sound, tuple[tuple[int, int], ...]]
@@ -43,9 +44,10 @@ def payload_of(seed: int, number: int) -> tuple[bytes, bytes]:
     return rng.bytes(STANDARD.l0_bytes), rng.bytes(STANDARD.l1_bytes)
 
 
-def marked(x: Sound, seed: int, level: int) -> Sound:
-    """Mark a sound."""
-    embedder = AudioEmbedder(FS, 2, lambda k: payload_of(seed, k), level=level)
+def marked(x: Sound, seed: int, level: int | None = None) -> Sound:
+    """Mark a sound, as `dub` does or at a fixed level."""
+    tried = make_rehearsal(STANDARD, 0, None)
+    embedder = AudioEmbedder(FS, 2, lambda k: payload_of(seed, k), level=level, rehearsal=tried)
     return np.concatenate([embedder.process(x), embedder.flush()])
 
 
@@ -81,7 +83,7 @@ def tones_on(x: Sound) -> Sound:
 
 def make_tapes(x: Sound, shift: int) -> dict[str, Tape]:
     """Return the true programme, first, and the adversary's alterations of it."""
-    true, alien = marked(x, TRUE, LEVEL), marked(x, ALIEN, LEVEL)
+    true, alien = marked(x, TRUE), marked(x, ALIEN)
     half, turn = (np.arange(len(x))[:, np.newaxis] // n % 2 for n in (SUPERFRAME // 2, FS // 2))
     two, louder = (marked(true[shift:], LATER, LEVEL + more) for more in (0, LOUDER))
     both = (mine := (TRUE, 0)), (LATER, shift)
