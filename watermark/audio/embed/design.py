@@ -211,7 +211,7 @@ def pre_echoing(sound: NDArray[np.float64]) -> NDArray[np.bool_]:
     power = np.diff(sound, prepend=sound[0]) ** 2
     power = power.reshape(-1, ATTACK_BLOCK).mean(axis=1)
     around = np.concatenate([np.full(ATTACK_BEFORE, np.inf), power])
-    before = np.lib.stride_tricks.sliding_window_view(around, ATTACK_BEFORE)[:-1].max(axis=1)
+    before = np.maximum.reduce([around[i : i + power.size] for i in range(ATTACK_BEFORE)])
     attacks = np.flatnonzero(power > ATTACK * np.maximum(before, ATTACK_LEAST)) * ATTACK_BLOCK
     start = HOP * np.arange(1, sound.size // HOP - 1)[:, np.newaxis]
     quiet = (attacks - start >= HEARD_BEFORE) & (attacks - start < 2 * HOP)
