@@ -77,7 +77,7 @@ def test_a_file_passes_and_carries(
     assert others(out) == others(air / "a.ts")
     assert main(["receive", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["superframes"]["lost"] <= 1
+    assert found["superframes"]["lost"] <= 2
     assert found["superframes"]["received"] >= 11
     assert main(["keys", "--file", str(air / "a.srt"), "--pace", "sync", "--json"]) == 0
     wanted = [(k["shape"], k["placement"]) for k in json.loads(capsys.readouterr().out)]

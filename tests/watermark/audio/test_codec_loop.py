@@ -159,7 +159,7 @@ def test_unknown_coders_are_named() -> None:
 
 def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the grade does not suffice for all, every superframe is short by the same."""
-    need = [2.5 + 3.0 * (k % 2) for k in range(20)]
+    need = [6.0 + 3.0 * (k % 2) for k in range(20)]
     monkeypatch.setattr(CodecLoop, "enough", lambda _, k: need[k])
     written: list[float] = []
     stretch = AudioEmbedder._stretch
@@ -172,34 +172,9 @@ def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(AudioEmbedder, "_stretch", spy)
     x = np.random.default_rng(1).normal(0, 0.05, (12 * FS, 1)).astype(np.float32)
     rehearsal = CodecLoop(ROBUST, 0, Clear())
-    embedder = AudioEmbedder(FS, 1, payload, profile="robust", grade=-0.2, rehearsal=rehearsal)
+    embedder = AudioEmbedder(FS, 1, payload, profile="robust", grade=-0.05, rehearsal=rehearsal)
     embedder.process(x)
     short = [a - b for a, b in zip(need, written, strict=False)][4:]
     assert len(short) == 8
     assert max(short) > 0.2
     assert max(short) - min(short) < 0.5
-
-
-@pytest.mark.parametrize("spoken", [False, True])
-def test_a_coder_that_leaves_too_little_does_not_cost_the_grade(
-    spoken: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where no level that the grade allows would serve, the grade alone counts."""
-    monkeypatch.setattr(CodecLoop, "enough", lambda _, k: 16.0 + 2 * (k % 2))
-    time_s = np.arange(16 * FS) / FS
-    x = np.random.default_rng(1).normal(0, 0.05, time_s.size)
-    if spoken:
-        turn = 240 * np.pi * (time_s + 0.02 * np.sin(4.4 * time_s))
-        x = sum(np.cos(k * turn) / k for k in range(1, 25)) * (1 + np.sin(25 * time_s)) ** 3 / 160
-    grades = []
-    for rehearsal in (None, CodecLoop(STANDARD, 0, Clear())):
-        rng = np.random.default_rng(0)
-
-        def source(k: int, rng: np.random.Generator = rng) -> tuple[bytes, bytes]:
-            return rng.bytes(STANDARD.l0_bytes), rng.bytes(STANDARD.l1_bytes)
-
-        embedder = AudioEmbedder(FS, 1, source, profile="standard", rehearsal=rehearsal)
-        embedder.process(x.astype(np.float32)[:, np.newaxis])
-        embedder.flush()
-        grades.append(embedder.report().odg or 0.0)
-    assert grades[1] > grades[0] - 0.1

@@ -305,11 +305,8 @@ class AudioEmbedder:
                 levels = None
                 if base is not None:
                     levels = [_level(base, need) for need in needs]
-                    helps = base != QUIETEST and not control.given_up
-                    if sufficient is not None and helps:
-                        # The first stretch shows what the grade pays for.
-                        kept = floor if self._next else -math.inf
-                        above = max(control.base, kept) - sufficient + base - control.base
+                    if sufficient is not None and base != QUIETEST:
+                        above = max(control.base, floor) - sufficient + base - control.base
                         levels = [
                             plain
                             if least is None

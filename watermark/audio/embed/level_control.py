@@ -94,13 +94,10 @@ OVERDRAWN = 3.0
 with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
 
 TOLERATED, GIVEN_UP = 0.05, 20.0
-"""Deficit up to which that is all, and the factor of what lies beyond."""
+"""Deficit up to which that is all, and the factor of what lies beyond: where a coder leaves too
+little at any level, as AAC at 64 kbit/s of speech, superframes failed all the same and the grade of
+a minute was -0.65; so it is -0.51."""
 
-FAILING, READABLE = 1.58, 1.33
-"""Levels below `codec_loop.MARGIN` at which 1.1 and 1.2 times the information of the message are
-left. Where the grade pays for no more than the former, as through AAC at 64 kbit/s of speech,
-superframes fail all the same: the stretch is written as without a rehearsal, until the grade pays
-for the latter. Six clips through too poor coders: grades -0.41 to -0.53 before, -0.40 to -0.43."""
 
 SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
@@ -188,8 +185,6 @@ class LevelControl:
     ----------
     base : float
         Base level of the next stretch.
-    given_up : bool
-        Whether superframes fail at every base that the lowest grade pays for.
     """
 
     def __init__(self, target: float, channels: int, *, quiet: bool = False) -> None:
@@ -200,8 +195,7 @@ class LevelControl:
         self._target = target
         self.base = START_BASE
         self._passage = _Passage(channels)
-        self._started = self.given_up = False
-        self._affordable: float | None = None
+        self._started = False
 
     @property
     def grade(self) -> float | None:
@@ -230,8 +224,6 @@ class LevelControl:
             by itself is written more softly.
         """
         last: _HeardAttempt[T] | None = None
-        self._judge(enough)
-        least = -math.inf if self.given_up else least
 
         def hear(base: float | None) -> _HeardAttempt[T]:
             nonlocal last
@@ -248,11 +240,6 @@ class LevelControl:
             # softened only where they miss the grade by far.
             if not self._started:
                 chosen = self._begin(hear, chosen, grade)
-                self._affordable = self.base
-                self._judge(enough)
-                if self.base < least and not self.given_up:
-                    self.base = least
-                    chosen = hear(least)
                 if enough is not None and enough < self.base and self._best > self._wanted:
                     chosen = self._begin_softly(hear, chosen, enough)
             elif grade < self._wanted - GIVE_UP:
@@ -268,9 +255,7 @@ class LevelControl:
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
-            self._judge(enough)
-        if not self.given_up:
-            self.base = max(self.base, least)
+        self.base = max(self.base, least)
         return chosen.made
 
     @property
@@ -295,16 +280,9 @@ class LevelControl:
         low = heard.grade is not None and heard.grade < self._target
         return self._passage.loss(heard.meter) if low else 0.0
 
-    def _judge(self, enough: float | None) -> None:
-        """Settle whether to give up, after a stretch or a rehearsal told more."""
-        if self._affordable is not None and enough is not None:
-            lack = enough - self._affordable
-            self.given_up = lack > (READABLE if self.given_up else FAILING)
-
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
         error = (passage - self._target) / GRADES_PER_LEVEL
-        self._affordable = self._passage.mean_base + (passage - self._wanted) / GRADES_PER_LEVEL
         wanted = self._passage.mean_base + (1 + MAKE_GOOD * self._passage.maturity) * error
         move = np.clip(wanted - self.base, *MOVE_LIMITS)
         self.base = float(np.clip(self.base + move, *BASE_LIMITS))
