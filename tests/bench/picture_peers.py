@@ -1,11 +1,13 @@
 """Open image marks on a film: how many of 160 bits are wrong after coding, frame by frame.
 
     pip install --no-deps invisible-watermark blind-watermark pywavelets opencv-python-headless
+    pip install --no-deps blind-video-watermark dtcwt six tqdm
     python -m tests.bench.picture_peers FILM
 
-Both are made for pictures: each of 16 frames bears the same 160 bits, as many as L0 of a
-superframe, and the majority of 16 frames decides. FILM is made smaller to 640 x 360. What needs
-torch (`rivaGan`, 32 bits) is left out. Channels are those of `cuecast evaluate video`.
+Each of 16 frames bears the same 160 bits, as many as L0 of a superframe, and the majority of 16
+frames decides. `blind-video-watermark`, made for films, hides one of a few patterns in the colour:
+here the signs of 160 blocks of one pattern are the bits. FILM is made smaller to 640 x 360. What
+needs torch (`rivaGan`, 32 bits) is left out. Channels are those of `cuecast evaluate video`.
 """
 
 import argparse
@@ -80,6 +82,7 @@ def _decoded(decoder: Any, method: str, frame: Any) -> Any:
 
 def peers(bits: Any) -> Iterator[tuple[str, Peer]]:
     """Yield the names of marks, how they write these bits into a picture, and how they read."""
+    yield "blind-video-watermark", _video_peer(bits)  # before scipy could see the torch below
     for absent in ("torch", "onnxruntime"):
         sys.modules.setdefault(absent, types.ModuleType(absent))
     image = importlib.import_module("imwatermark")
@@ -105,6 +108,36 @@ def peers(bits: Any) -> Iterator[tuple[str, Peer]]:
             return np.array(mark.extract(embed_img=frame, wm_shape=BITS, mode="bit")) > 0.5
 
     yield "blind-watermark", (write, read)
+
+
+def _video_peer(bits: Any) -> Peer:
+    """Return how `blind-video-watermark` writes and reads; bits are signs of 10 by 16 blocks."""
+    cv2 = importlib.import_module("cv2")
+    # Names of numpy 1, for which it was written.
+    for name, now in (("asfarray", np.asarray), ("issubsctype", np.issubdtype)):
+        setattr(np, name, now)
+    key = importlib.import_module("blind_video_watermark.dtcwt_key")
+    key.np = types.SimpleNamespace(**vars(np))
+    key.np.zeros = lambda shape, dtype=float: np.zeros(
+        shape, complex if dtype == "complex_" else dtype
+    )
+    encoder, decoder = key.DtcwtKeyEncoder(), key.DtcwtKeyDecoder()
+    pattern = key.generate_wm(1, encoder.infer_wm_shape((HEIGHT, WIDTH)))
+    rows, columns = (
+        np.arange(n) * parts // n for n, parts in zip(pattern.shape, (10, 16), strict=True)
+    )
+    block = rows[:, None] * 16 + columns
+    encoder.wm = pattern * (1.0 - 2.0 * bits[block])
+
+    def write(frame: Any) -> Any:
+        marked = encoder.encode(cv2.cvtColor(frame.astype(np.float32), cv2.COLOR_BGR2YUV))
+        return cv2.cvtColor(marked, cv2.COLOR_YUV2BGR)
+
+    def read(frame: Any) -> Any:
+        found = decoder.decode(cv2.cvtColor(frame.astype(np.float32), cv2.COLOR_BGR2YUV))
+        return np.bincount(block.ravel(), (found * pattern).ravel()) < 0
+
+    return write, read
 
 
 if __name__ == "__main__":
