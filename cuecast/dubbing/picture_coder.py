@@ -40,11 +40,6 @@ SMALL_LINES, SMALL_RATE = 360, 4_000_000
 """Lines and bits per second of the small picture in MPEG-2 that the mark is tried on without a
 choice: what many sets in standard definition get of a larger programme."""
 
-SMALL_MARGIN = 1.9
-"""Information of L0 that is enough there, in units of its bits: on a drawn film and on the sea in
-grey none was lost (4 of 12 without this trial), at .15 to .5 of VMAF; 2.5 would cost .15 to .3
-more."""
-
 MPEG2_RATES = (24, 25, 30, 50, 60)
 """Whole frame rates that MPEG-2 has (ISO/IEC 13818-2, table 6-4)."""
 
@@ -238,5 +233,5 @@ def picture_channels(
         channels.append(TriedChannel(_PictureChain(streams), whole, widest, firm))
     if through is None and not has_small_cells((height, width)):
         small = _small_mpeg2(width, height, fps, depth)
-        channels.append(TriedChannel(small, False, widest=1, l0_margin=SMALL_MARGIN))
+        channels.append(TriedChannel(small, False, widest=1))
     return channels

@@ -47,7 +47,9 @@ CEILING = 0.65
 """Bits per value that are enough for any rate: none holds more than one."""
 
 L0_MARGIN = 2.5
-"""The same where L0 alone is asked for: where so little is left the trial errs by more."""
+"""The same where L0 alone is asked for: where so little is left the trial errs by more. In MPEG-2
+at 360 lines 1.2, 1.5, 1.9 and 2.5 lost 4, 4, 2 and 0 of 9 superframes of a flat cartoon; 1.9 and
+2.5 lost none of six other films."""
 
 HOPELESS = 1.1
 """Most information, in the same units, of a class that is given up: it rarely decodes."""
@@ -73,8 +75,6 @@ class TriedChannel:
     firm : bool
         Whether no strength below that without a trial is taken: for a coder that stands for
         unknown ones, which may leave less.
-    l0_margin : float
-        Information of L0 that is enough, in units of its own and its check's bits.
 
     Examples
     --------
@@ -92,7 +92,6 @@ class TriedChannel:
     whole: bool = True
     widest: int = len(STEPS) - 1
     firm: bool = False
-    l0_margin: float = L0_MARGIN
 
 
 class PictureLoop:
@@ -219,7 +218,7 @@ class PictureLoop:
                 return np.asarray(enough)
             if bits.max() >= HOPELESS * rate:
                 return np.asarray(bits >= NEARLY * bits.max())
-        enough = (bits >= channel.l0_margin * first) & (strong | (not channel.whole))
+        enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
         if not enough.any():
             enough[_strongest(channel.widest)] = True
         return np.asarray(enough)
