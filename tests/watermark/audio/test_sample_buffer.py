@@ -84,8 +84,8 @@ def test_pilot_kernels() -> None:
     pilots = (1 + 2 * mask[:, np.newaxis].astype(np.int64)) * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_search_kernels.pilot_sums):
-        sums = np.zeros((8, 9), dtype=np.int8)
-        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, group, mask, sums)
+        sums = np.empty((8, 9), dtype=np.int8)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, group, mask, np.zeros_like(sums), sums)
         for find in versions(_search_kernels.drift_peaks):
             peak = np.empty(7, dtype=np.int16)
             find(sums, shift, penalty, peak)
@@ -113,9 +113,10 @@ def test_superframes_before_are_added() -> None:
         two = one + max(past[40 + i + d] for d in (-2, -1, 0, 1, 2))
         scores.append(max(peak[i], 0.7 * one, 0.5 * two))
     for find in versions(_search_kernels.best_sum):
-        best = pytest.approx(max(scores), rel=1e-5)
-        assert find(peak, past, 80, weights, reach) == (best, int(np.argmax(scores)))
-        assert find(peak, past, 80, weights[:0], reach) == (peak.max(), peak.argmax())
+        best, least = pytest.approx(max(scores), rel=1e-5), np.float32(_search_kernels.LOWEST)
+        assert find(peak, past, 80, weights, reach, least) == (best, int(np.argmax(scores)))
+        assert find(peak, past, 80, weights[:0], reach, least) == (peak.max(), peak.argmax())
+        assert find(peak, past, 80, weights, reach, np.float32(999)) == (999, -1)
 
 
 def test_sight_is_the_receiver_s_mask_and_projection() -> None:

@@ -46,23 +46,27 @@ def add_rows(values: Soft, starts: NDArray[np.int64], masks: Soft, count: int, t
 
 @njit(cache=True)
 def pilot_sums(
-    soft: Soft, first: int, hop: int, group: NDArray[np.int64], mask: Soft, sums: Soft
+    soft: Soft, first: int, hop: int, group: NDArray[np.int64], mask: Soft, before: Soft, sums: Soft
 ) -> None:
-    """sums[s, i] += correlation of the pilots of segment s for a superframe that starts at row i.
+    """sums[s, i] = before[s, i] + correlation of pilots in segment s if a superframe starts at i.
 
     soft[g, first:] holds the soft value at position g for each start of a frame; a segment is
     `SEGMENT_FRAMES` frames, which lie `hop` rows apart.
     """
     values = soft.reshape(-1)
-    starts = group * soft.shape[1] + first + hop * np.arange(group.size)
+    starts = np.empty(group.size, dtype=np.int64)
+    for n in range(group.size):
+        starts[n] = group[n] * soft.shape[1] + first + hop * n
     for s in range(group.size // SEGMENT_FRAMES):
         n, end = s * SEGMENT_FRAMES, (s + 1) * SEGMENT_FRAMES
-        add_segment(values, starts[n:end], mask[n:end], sums[s])
+        add_segment(values, starts[n:end], mask[n:end], before[s], sums[s])
 
 
 @njit(cache=True, inner=True)
-def add_segment(values: Soft, starts: NDArray[np.int64], masks: Soft, total: Soft) -> None:
-    """total[i] += values[starts[n] + i] for all eight n, or less it where masks[n] is -1."""
+def add_segment(
+    values: Soft, starts: NDArray[np.int64], masks: Soft, before: Soft, total: Soft
+) -> None:
+    """total[i] = before[i] + values[starts[n] + i] for all eight n, or less it: masks[n] is -1."""
     a, b, c, d = values[starts[0] :], values[starts[1] :], values[starts[2] :], values[starts[3] :]
     e, f, g, h = values[starts[4] :], values[starts[5] :], values[starts[6] :], values[starts[7] :]
     p, q, r, s = masks[0], masks[1], masks[2], masks[3]
@@ -71,7 +75,7 @@ def add_segment(values: Soft, starts: NDArray[np.int64], masks: Soft, total: Sof
     for i in range(total.size):
         one = (p ^ a[i]) + (q ^ b[i]) + (r ^ c[i]) + (s ^ d[i])
         other = (t ^ e[i]) + (u ^ f[i]) + (v ^ g[i]) + (w ^ h[i])
-        total[i] = np.int8(total[i] + more + one + other)
+        total[i] = np.int8(before[i] + more + one + other)
 
 
 @njit(cache=True)
@@ -125,24 +129,29 @@ def highest_near(values: Parts, width: int) -> Parts:
 
 @njit(cache=True)
 def best_sum(
-    peak: Parts, past: Parts, lag: int, weights: NDArray[np.float32], reach: NDArray[np.int64]
+    peak: Parts,
+    past: Parts,
+    lag: int,
+    weights: NDArray[np.float32],
+    reach: NDArray[np.int64],
+    least: np.float32,
 ) -> tuple[np.float32, int]:
     """Return the largest of all peaks and weighted sums with those before, and its place.
 
     Peak n before lies n lags back, at the best of places within reach[n - 1]; past ends where peak
-    begins.
+    begins. Where none is above `least`, that and -1.
     """
-    places = peak.size
-    total, highest = np.empty(places, dtype=np.int16), highest_of(peak)
-    for i in range(places):
-        total[i] = peak[i]
-    best, top = np.float32(highest), place_of(peak, highest)
+    places, best, top = peak.size, least, -1
+    highest = highest_of(peak)
+    if np.float32(highest) > best:
+        best, top = np.float32(highest), place_of(peak, highest)
+    total = peak
     for n in range(weights.size):
         first = past.size - (n + 1) * lag - reach[n]
         near = highest_near(past[first : first + places + 2 * reach[n]], 2 * reach[n] + 1)
         for i in range(places):
-            total[i] = np.int16(total[i] + near[i])
-        highest = highest_of(total)
+            near[i] = np.int16(total[i] + near[i])
+        total, highest = near, highest_of(near)
         if weights[n] * np.float32(highest) > best:
             best, top = weights[n] * np.float32(highest), place_of(total, highest)
     return best, top
@@ -170,6 +179,7 @@ def place_of(values: Parts, wanted: np.int16) -> int:
 def correlate_pilots(
     soft: Soft,
     first: int,
+    quanta: int,
     places: int,
     hop: int,
     slots: NDArray[np.int64],
@@ -182,37 +192,37 @@ def correlate_pilots(
     reach: NDArray[np.int64],
     peaks: Parts,
     past: int,
-    best: NDArray[np.float32],
-    where: NDArray[np.int64],
-) -> None:
-    """best[n] = largest score of tier and profile pairs[n], where[n] its start and clock error.
+    least: np.float32,
+) -> tuple[np.float32, int, int, int]:
+    """Return the largest score above `least`, its number of tier and profile, start and clock.
 
     soft has the shape (tiers, slots, rows) and counts from row `first` on. The peaks of the
-    `places` starts looked at are written to peaks[n, past:]. slots[n] and masks[n]
-    are those of pilot n of each frame, masks by profile.
+    starts looked at, `quanta` times `places`, are written to peaks[n, past:], by the tier and
+    profile pairs[n]. slots[n] and masks[n] are those of pilot n of each frame, masks by profile.
+    Where no score is above `least`, the start is -1.
     """
     longest = 0
     for clock in range(shift.shape[0]):
         for segment in range(shift.shape[1]):
             longest = max(longest, shift[clock, segment])
-    common = np.empty((slots.shape[1] // SEGMENT_FRAMES, places + longest), dtype=np.int8)
-    sums = np.empty(common.shape, dtype=np.int8)
-    tier = -1
-    for n in range(pairs.shape[0]):
-        if pairs[n, 0] != tier:
-            tier = pairs[n, 0]
-            for segment in range(common.shape[0]):
-                for i in range(places + longest):
-                    common[segment, i] = np.int8(0)
-            pilot_sums(soft[tier], first, hop, slots[0], masks[0, 0], common)
-        for segment in range(common.shape[0]):
-            for i in range(places + longest):
-                sums[segment, i] = common[segment, i]
-        pilot_sums(soft[tier], first, hop, slots[1], masks[1, pairs[n, 1]], sums)
-        peak = peaks[n, past : past + places]
-        drift_peaks(sums, shift, penalty, peak)
-        best[n], top = best_sum(peak, peaks[n, :past], lag, weights, reach)
-        where[n, 0], where[n, 1] = top, clock_of(sums, shift, penalty, top)
+    nothing = np.zeros((slots.shape[1] // SEGMENT_FRAMES, places + longest), dtype=np.int8)
+    common, sums = np.empty_like(nothing), np.empty_like(nothing)
+    best, pair, start, clock = least, -1, -1, -1
+    for quantum in range(quanta):
+        ahead, tier = quantum * places, -1
+        now = past + ahead
+        for n in range(pairs.shape[0]):
+            if pairs[n, 0] != tier:
+                tier = pairs[n, 0]
+                pilot_sums(soft[tier], first + ahead, hop, slots[0], masks[0, 0], nothing, common)
+            own = masks[1, pairs[n, 1]]
+            pilot_sums(soft[tier], first + ahead, hop, slots[1], own, common, sums)
+            peak = peaks[n, now : now + places]
+            drift_peaks(sums, shift, penalty, peak)
+            best, top = best_sum(peak, peaks[n, :now], lag, weights, reach, best)
+            if top >= 0:
+                pair, start, clock = n, ahead + top, clock_of(sums, shift, penalty, top)
+    return best, pair, start, clock
 
 
 @njit(cache=True)

@@ -150,9 +150,10 @@ class PilotCorrelator:
         peaks: NDArray[np.int16],
         past: int,
         *,
+        quanta: int = 1,
         alone: bool = False,
     ) -> tuple[int, float, int, int] | None:
-        """Score the places of one quantum.
+        """Score the places of some quanta, one after another.
 
         Parameters
         ----------
@@ -161,9 +162,11 @@ class PilotCorrelator:
         row : int
             See there.
         peaks : ndarray of int16, shape (pairs, n)
-            Scores of superframes by themselves; those of this quantum are written at `past`.
+            Scores of superframes by themselves; those of the quanta are written from `past` on.
         past : int
             See there.
+        quanta : int
+            How many there are.
         alone : bool
             Whether superframes count by themselves only.
 
@@ -174,20 +177,15 @@ class PilotCorrelator:
         """
         from watermark.audio.search import _search_kernels
 
-        best = np.empty(len(self.pairs), dtype=np.float32)
-        where = np.empty((len(self.pairs), 2), dtype=np.int64)
         weights = np.array(() if alone else WEIGHTS, dtype=np.float32)
-        _search_kernels.correlate_pilots(
-            soft, row - self.kept, PLACES, ROW_HOP, self._slots, self._masks, self.pairs,
-            self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past, best, where,
+        score, pair, place, error = _search_kernels.correlate_pilots(
+            soft, row - self.kept, quanta, PLACES, ROW_HOP, self._slots, self._masks, self.pairs,
+            self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past, FLOOR,
         )  # fmt: skip
-        n = int(best.argmax())
-        if best[n] < FLOOR:
-            return None
-        return n, float(best[n]), int(where[n, 0]), int(where[n, 1])
+        return None if place < 0 else (pair, float(score), place, error)
 
     def candidate(self, found: tuple[int, float, int, int], first: int) -> Candidate:
-        """Make a candidate of a place that was found in a quantum whose first place is given."""
+        """Make a candidate of a place that was found; the first one of the quanta is given."""
         n, score, place, error = found
         tier, profile = self.pairs[n]
         start = PLACE * (first + float(place)) + FIRST_PLACE

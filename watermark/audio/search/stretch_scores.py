@@ -110,12 +110,9 @@ def search_stretch(
     rows, first = soft.shape[2], correlator.kept + correlator.first
     past, pairs = correlator.oldest, len(correlator.pairs)
     peaks = np.zeros((pairs, past + rows), dtype=np.int16)
-    best, alone = None, rows - correlator.kept <= PERIOD + PLACES * SLOT_FRAMES // 2
-    for row in range(correlator.kept, rows - PLACES + 1, PLACES):
-        found = correlator.find(soft, row, peaks, past, alone=alone)
-        past += PLACES
-        if found is not None:
-            candidate = correlator.candidate(found, row + correlator.first)
-            if best is None or candidate.significance > best.significance:
-                best = candidate
-    return StretchScores(best, peaks[:, correlator.oldest : past], first, correlator)
+    alone = rows - correlator.kept <= PERIOD + PLACES * SLOT_FRAMES // 2
+    quanta = max((rows - correlator.kept) // PLACES, 0)
+    found = correlator.find(soft, correlator.kept, peaks, past, quanta=quanta, alone=alone)
+    best = None if found is None else correlator.candidate(found, first)
+    own = peaks[:, past : past + quanta * PLACES]
+    return StretchScores(best, own, first, correlator)
