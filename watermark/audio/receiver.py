@@ -43,9 +43,10 @@ from watermark.link.superframe import ReceivedSuperframe
 MAX_MISSES = 6
 """Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
-HISTORY_S, LONG_HISTORY_S = 2.4, 15.0
-"""Sound that is kept while superframes are read, enough to search again from one that failed, and
-while hunting, for what may be read of it once the sound is understood."""
+HISTORY_S, HUNTED_S, LONG_HISTORY_S = 2.4, 6.0, 15.0
+"""Sound that is kept while superframes are read, enough to search again from one that failed;
+while hunting, for hypotheses on the present mix; and then of all channels, for what may be read of
+it once the sound is understood."""
 
 
 class AudioReceiver:
@@ -185,15 +186,15 @@ class AudioReceiver:
         if misses >= FAILED_BEFORE_GUESSING and self._guessing:
             found += self._hunt()
         # Unread past superframes pin the buffer.
-        kept_s = HISTORY_S if self._follower.misses < FAILED_BEFORE_GUESSING else LONG_HISTORY_S
+        reads = self._follower.misses < FAILED_BEFORE_GUESSING
         if not self._follower.past.unread:
-            for tape in (self._tape, self._ring):
-                tape.forget(self._now - int(kept_s * self._fs))
+            for tape, long_s in ((self._tape, HUNTED_S), (self._ring, LONG_HISTORY_S)):
+                tape.forget(self._now - int((HISTORY_S if reads else long_s) * self._fs))
         return found
 
     def _use(self, mix: ChannelMix) -> None:
-        """Listen to another mix from here on, and in memory."""
-        if mix != self._mix:
+        """Listen to a mix from here on, and in all of memory."""
+        if mix != self._mix or self._tape.first > self._ring.first:
             self._mix, self._tape = mix, StereoBuffer(self._ring.first)
             self._ring.extend(self._tape, self._mix, self._now)
 

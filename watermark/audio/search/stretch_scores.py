@@ -108,11 +108,12 @@ def search_stretch(
     """
     correlator, soft = make_correlator(key, exact=exact), pilot_places(key, seen, gain=gain)
     rows, first = soft.shape[2], correlator.kept + correlator.first
-    past, pairs = correlator.oldest, len(correlator.pairs)
-    peaks = np.zeros((pairs, past + rows), dtype=np.int16)
-    alone = rows - correlator.kept <= PERIOD + PLACES * SLOT_FRAMES // 2
     quanta = max((rows - correlator.kept) // PLACES, 0)
+    # A stretch of one superframe has none before it.
+    alone = rows - correlator.kept <= PERIOD + PLACES * SLOT_FRAMES // 2
+    past = 0 if alone else correlator.oldest
+    peaks = np.empty((len(correlator.pairs), past + quanta * PLACES), dtype=np.int16)
+    peaks[:, :past] = 0
     found = correlator.find(soft, correlator.kept, peaks, past, quanta=quanta, alone=alone)
     best = None if found is None else correlator.candidate(found, first)
-    own = peaks[:, past : past + quanta * PLACES]
-    return StretchScores(best, own, first, correlator)
+    return StretchScores(best, peaks[:, past:], first, correlator)

@@ -88,10 +88,10 @@ class SampleBuffer:
         """Add samples at the end."""
         if self.end - self._offset + block.size > self._store.size:
             kept, size = self.samples, self.end - self.first + block.size
-            # A quarter more than is needed, and two seconds: a long tape is not copied for each
+            # Half as much again as is needed, and two seconds: a long tape is not copied for each
             # short block. New memory costs more than copying, so the present store serves while an
             # eighth is free.
-            room = size + max(size // 4, SPARE if kept.size > SPARE else 0)
+            room = size + max(size // 2, SPARE if kept.size > SPARE else 0)
             store = self._store if 9 * size <= 8 * self._store.size else np.empty(room)
             store[: kept.size] = kept
             self._store, self._offset = store, self.first
