@@ -149,13 +149,21 @@ def _cepstrum(mix: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Source: Bogert, Healy and Tukey, "The quefrency alanysis of time series for echoes", 1963.
     """
-    windows = np.lib.stride_tricks.sliding_window_view(mix, ECHO_WINDOW)[:: ECHO_WINDOW // 2]
-    power = np.abs(scipy.fft.rfft(windows * np.hanning(ECHO_WINDOW), axis=1)) ** 2
-    heard = power[power.mean(axis=1) > 0]
-    if not heard.size:
+    sound = mix.astype(np.float32)
+    windows = np.lib.stride_tricks.sliding_window_view(sound, ECHO_WINDOW)[:: ECHO_WINDOW // 2]
+    spectra = scipy.fft.rfft(windows * _echo_window(), axis=1)
+    power = spectra.real**2 + spectra.imag**2
+    mean = power.mean(axis=1, keepdims=True)
+    heard = mean[:, 0] > 0
+    if not heard.any():
         return np.zeros(ECHO_WINDOW)
-    floor = 1e-9 * heard.mean(axis=1, keepdims=True)
-    return np.asarray(scipy.fft.irfft(np.log(heard + floor).mean(axis=0)))
+    logarithms = np.log(power[heard] + np.float32(1e-9) * mean[heard])
+    return np.asarray(scipy.fft.irfft(logarithms.mean(axis=0, dtype=np.float64)))
+
+
+@lru_cache(maxsize=1)
+def _echo_window() -> NDArray[np.float32]:
+    return np.hanning(ECHO_WINDOW).astype(np.float32)
 
 
 def _find_echo(mix: NDArray[np.float64]) -> tuple[int, float]:

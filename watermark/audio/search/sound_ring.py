@@ -99,7 +99,8 @@ class SoundRing:
 
     def read(self, start: int, count: int) -> NDArray[np.float64]:
         """Return all channels, shape (count, channels)."""
-        return np.stack([sound.read(start, 1.0, count) for sound in self._sounds], axis=1)
+        # Channel by channel in memory, too: numpy takes ten times as long to interleave them.
+        return np.array([sound.read(start, 1.0, count) for sound in self._sounds]).T
 
     def extend(self, tape: StereoBuffer, mix: ChannelMix, now: int) -> None:
         """Append the known part of a mix to a sample buffer at a time."""
