@@ -38,6 +38,11 @@ def interpolate(
         low = 0.0
         high = 0.0
         # Unsigned indices let the compiler see that none is negative: four times as fast.
+        if part == 0.0:
+            for j in range(taps):
+                low += x[np.uint64(near + j)] * flat[np.uint64(below + j)]
+            out[n] = low
+            continue
         for j in range(taps):
             sample = x[np.uint64(near + j)]
             low += sample * flat[np.uint64(below + j)]
