@@ -69,7 +69,7 @@ def search_fit(
     """
     score = _Score(view, cells, step, expected, harmonic)
     delay_grid, drift_grid = grid
-    scores = np.stack([score(delay_grid, drift) for drift in drift_grid], axis=1)
+    scores = score(delay_grid, *drift_grid)
     i, j = np.unravel_index(int(scores.argmax()), scores.shape)
     delay = _peak(delay_grid, scores[:, j], int(i))
     return AlignmentFit(
@@ -87,11 +87,11 @@ def find_delay(
     """
     score = _Score(view, cells, step, expected)
     grid = np.array([-reach, 0.0, reach])
-    scores = score(grid, 0.0)
+    scores = score(grid, 0.0)[:, 0]
     at = int(scores.argmax())
     while at in (0, grid.size - 1) and grid.size < 2 * FARTHEST + 1:
         beyond = np.array([grid[0] - reach, grid[-1] + reach])
-        below, above = score(beyond, 0.0)
+        below, above = score(beyond, 0.0)[:, 0]
         grid = np.array([beyond[0], *grid, beyond[1]])
         scores = np.array([below, *scores, above])
         at = int(scores.argmax())
@@ -115,20 +115,23 @@ class _Score:
         self._scale = harmonic / (step * np.sqrt(cells.bins))
         self._expected = expected
 
-    def __call__(self, delays: NDArray[np.float64], drift_ppm: float) -> NDArray[np.float64]:
-        """Scores of some delays at one drift."""
+    def __call__(self, delays: NDArray[np.float64], *drifts_ppm: float) -> NDArray[np.float64]:
+        """Scores of some delays at some drifts, shape (delays, drifts)."""
         from watermark.audio.follow import _kernels
 
-        frames, cells = AlignmentFit(0.0, drift_ppm, self.pivot).delays(), self._cells
+        cells = self._cells
         frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
         turn = np.exp(1j * np.outer(frequency, delays))
-        score, bins = np.zeros(delays.size), slice(cells.first_bin, cells.last_bin)
-        _kernels.fit_scores(
-            self._view.spectra[:, bins], self._view.amplitudes[:, bins], cells.signs,
-            self._expected, self._dither, frames * frequency[0], frames * (np.pi / HOP), turn,
-            self._scale, score,
-        )  # fmt: skip
-        return score
+        scores = np.zeros((len(drifts_ppm), delays.size))
+        bins = slice(cells.first_bin, cells.last_bin)
+        spectra, amplitudes = self._view.spectra[:, bins], self._view.amplitudes[:, bins]
+        for score, drift_ppm in zip(scores, drifts_ppm, strict=True):
+            frames = AlignmentFit(0.0, drift_ppm, self.pivot).delays()
+            _kernels.fit_scores(
+                spectra, amplitudes, cells.signs, self._expected, self._dither,
+                frames * frequency[0], frames * (np.pi / HOP), turn, self._scale, score,
+            )  # fmt: skip
+        return scores.T
 
 
 def _peak(grid: NDArray[np.float64], values: NDArray[np.float64], i: int) -> float:
