@@ -16,8 +16,26 @@ def cut_frames(
 ) -> None:
     """frames[t] = sound from starts[t] on."""
     for t in range(frames.shape[0]):
-        for i in range(frames.shape[1]):
-            frames[t, i] = sound[starts[t] + i]
+        frame, own = frames[t], sound[starts[t] :]
+        for i in range(frame.size):
+            frame[i] = own[i]
+
+
+@njit(cache=True, fastmath={"contract"})
+def lap_bins(
+    plain: NDArray[np.complex64],
+    own: NDArray[np.complex64],
+    following: NDArray[np.complex64],
+    spectra: NDArray[np.complex64],
+) -> None:
+    """spectra[t, k] = plain[t, k] own[k] + plain[t, k + 1] following[k]."""
+    for t in range(spectra.shape[0]):
+        row, beyond, out = plain[t], plain[t, 1:], spectra[t]
+        for k in range(out.size):
+            a, b, c, d = row[k], own[k], beyond[k], following[k]
+            real = (a.real * b.real - a.imag * b.imag) + (c.real * d.real - c.imag * d.imag)
+            imaginary = (a.real * b.imag + a.imag * b.real) + (c.real * d.imag + c.imag * d.real)
+            out[k] = complex(real, imaginary)
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -25,11 +43,18 @@ def turn_bins(
     spectra: NDArray[np.complex64], delays: NDArray[np.float64], pace: float, bins: int
 ) -> None:
     """Turn bin k of frame t by delays[t] (k + 1/2) pace radians, in place, for k below `bins`."""
+    turn = np.empty(bins + 3, dtype=np.complex64)
     for t in range(spectra.shape[0]):
-        now, on = np.exp(0.5j * pace * delays[t]), np.exp(1j * pace * delays[t])
+        # Four bins' turns go on side by side: each product waits for the one before.
+        on = np.exp(4j * pace * delays[t])
+        first, second = np.exp(0.5j * pace * delays[t]), np.exp(1.5j * pace * delays[t])
+        third, fourth = np.exp(2.5j * pace * delays[t]), np.exp(3.5j * pace * delays[t])
+        for k in range(0, bins, 4):
+            turn[k], turn[k + 1], turn[k + 2], turn[k + 3] = first, second, third, fourth
+            first, second, third, fourth = first * on, second * on, third * on, fourth * on
+        row = spectra[t]
         for k in range(bins):
-            spectra[t, k] = spectra[t, k] * now
-            now *= on
+            row[k] *= turn[k]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
 
 from watermark.audio.signal.channel_choice import ChannelChoice
 from watermark.audio.signal.dither import soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
-from watermark.audio.signal.mdct import analyse
+from watermark.audio.signal.mdct import lapping
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, PROFILES, SUPERFRAME
 from watermark.audio.signal.required_level import coder_noise
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
@@ -205,7 +206,9 @@ def _spectra(
 
     frames = np.empty((number.size, 2 * HOP), dtype=np.float32)
     _kernels.cut_frames(sound, starts, frames)
-    spectra: NDArray[np.complex64] = analyse(frames, HOP)
+    own, following = lapping(HOP, "complex64")
+    spectra = np.empty((number.size, HOP), dtype=np.complex64)
+    _kernels.lap_bins(scipy.fft.rfft(frames, axis=1), own, following, spectra)
     if delays.any():
         _kernels.turn_bins(spectra, delays, np.pi / HOP, TURNED_BINS)
     return spectra

@@ -7,7 +7,6 @@ processing", ICASSP 1999, and "Fast algorithm for the modulated complex lapped t
 Signal Processing Letters 10(1), 2003. Specification: spec/audio-carrier.md, W8 and W9.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -20,23 +19,16 @@ AT_ONCE = 80
 the one before, 65, are not parted."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Tables:
-    """Factors of two neighbouring bins of a plain transform, shape (hop,).
+@lru_cache(maxsize=8)
+def lapping(hop: int, kind: str = "complex128") -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return factors of two neighbouring bins of a plain transform, each of shape (hop,).
 
     Their sum is a bin of the lapped one: its sine window is the difference of two turns.
     """
-
-    own: NDArray[Any]
-    next: NDArray[Any]
-
-
-@lru_cache(maxsize=8)
-def _tables(hop: int, kind: str = "complex128") -> _Tables:
     k = np.arange(hop)
     after = np.sqrt(2.0 / hop) * np.exp(-1j * np.pi * (0.5 + hop / 2) * (k + 0.5) / hop) / 2j
     half = np.exp(0.5j * np.pi / (2 * hop))
-    return _Tables((after * half).astype(kind), (-after / half).astype(kind))
+    return (after * half).astype(kind), (-after / half).astype(kind)
 
 
 def frames_of(x: NDArray[np.float64], hop: int) -> NDArray[np.float64]:
@@ -74,8 +66,8 @@ def analyse(frames: NDArray[Any], hop: int, bins: int | None = None) -> NDArray[
     True
     """
     count = bins or hop
-    tables = _tables(hop, "complex64" if frames.dtype == np.float32 else "complex128")
-    own, following = tables.own[:count], tables.next[:count]
+    kind = "complex64" if frames.dtype == np.float32 else "complex128"
+    own, following = (table[:count] for table in lapping(hop, kind))
     lapped = np.empty((len(frames), count), dtype=own.dtype)
     for first in range(0, len(frames), AT_ONCE):
         spectrum = scipy.fft.rfft(frames[first : first + AT_ONCE], axis=1)
@@ -102,10 +94,10 @@ def sliding_tables(
         Real and imaginary parts of the factor from frame to frame, and of those of two neighbouring
         bins whose sum is the lapped one.
     """
-    k, tables = np.arange(bins + 1), _tables(hop)
+    k, tables = np.arange(bins + 1), lapping(hop)
     angle = np.pi / hop * (np.arange(2 * hop)[:, np.newaxis] * k % (2 * hop))
     wave = np.stack([np.cos(angle), -np.sin(angle)])
-    factors = np.exp(1j * angle[advance]), tables.own[: bins + 1], tables.next[: bins + 1]
+    factors = np.exp(1j * angle[advance]), tables[0][: bins + 1], tables[1][: bins + 1]
     turn = np.concatenate([[factor.real, factor.imag] for factor in factors])
     return wave.astype(np.float32), turn.astype(np.float32)
 
@@ -127,8 +119,7 @@ def synthesise(coefficients: NDArray[Any], hop: int) -> NDArray[Any]:
     """
     count, bins = coefficients.shape
     kind = np.result_type(coefficients.dtype, np.complex64).name
-    tables = _tables(hop, kind)
-    own, following = tables.own[:bins].conj(), tables.next[:bins].conj()
+    own, following = (table[:bins].conj() for table in lapping(hop, kind))
     spectrum = np.zeros((count, hop + 1), dtype=kind)
     np.multiply(coefficients, own, out=spectrum[:, :bins])
     spectrum[:, 1 : bins + 1] += coefficients * following
