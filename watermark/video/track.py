@@ -124,7 +124,8 @@ class VideoTracker:
     def flush(self) -> list[ReceivedSuperframe]:
         """Return the superframes in the last frames."""
         found = []
-        for _ in range(self._guard if self._frames else 0):
+        # Twice: a position that is late has its window that much later.
+        for _ in range(2 * self._guard if self._frames else 0):
             found += self._advance(self._frames[-1])
         return found
 
@@ -188,15 +189,12 @@ class VideoTracker:
         sure = agreement[self._guard, other] > max(
             THRESHOLD, agreement[self._guard, self._mode] + OTHER_MODE
         )
-        mode = other if sure else self._mode
-        offset, soft, decoded, late = self._attempt(start, mode)
-        if decoded.l0 is None:
+        first = other if sure else self._mode
+        for mode in (first, *self._steps_of(first)):
             # Pilots that are too weak to show the step may leave enough of the data.
-            for other in self._steps_of(mode):
-                mode = other
-                soft, decoded = self._decode(start, mode)
-                if decoded.l0 is not None:
-                    break
+            offset, soft, decoded, late = self._attempt(start, mode)
+            if decoded.l0 is not None:
+                break
         assert self._due is not None
         if decoded.l0 is None:
             return self._deliver(self._due, soft, decoded)
