@@ -97,7 +97,7 @@ class Demodulator:
         self.places = make_places(profile, key)
         self.standing = CellStanding(profile, self.layout.cells, self.places)
         self.link = Link(profile)
-        self.reliability = Reliability(profile.groups, self.standing.kinds)
+        self.reliability = Reliability(profile.groups)
         self._pilots = make_pilots(key)
         self._masker = make_masker()
         self._announced = self._pilots.expected(profile.number)

@@ -37,14 +37,14 @@ BITS = ((1.5, 1.0), (6.0, 2.0))
 FEW_PILOTS, FEW_BITS = 0.05, 0.3
 """Share of pilots in a window, and believed bits in it, at which half of their evidence counts."""
 
-ALONE = np.array([16.0, 10.0, 2.0, 2.0, 0.1])
+ALONE = np.array([8.0, 10.0, 2.0, 2.0, 0.0])
 """Logarithm of the odds that a cell is untouched, for each clue of one (cells in three windows,
-pilots) and of no clue: the most information in the cells of seven clips under an announcer, rounded
-as far as no clip tells the difference. What six of them teach serves the seventh as well
-(`tests/bench/interference_weights.py`)."""
+pilots) and of no clue: the most superframes read of twelve clips under an announcer and another
+voice, by their information, rounded to one digit. Eleven clips teach weights that serve the twelfth
+as well, within 1 of 72 superframes (`tests/bench/interference_weights.py`)."""
 
-WITH_BITS = np.array([8.94, 4.67, 4.39, 1.63, 1.43, 2.92, -1.5])
-"""The same with the two clues of believed bits, found on superframes near the limit."""
+WITH_BITS = np.array([7.0, 4.0, 4.0, 1.0, 0.6, 4.0, -1.0])
+"""The same with the two clues of believed bits."""
 
 LARGEST_ODDS = 6.0
 """Logarithms of odds stay within."""
