@@ -124,16 +124,15 @@ def path_of(
     turn = np.outer(delays, lean(1.0, bands)) * PHASES / (2 * np.pi)
     at = (steps + np.round(turn).astype(np.int64)[:, :, np.newaxis]) % PHASES
     leant = np.take_along_axis(table[np.newaxis], at, axis=2)
-    total, trace = leant[:, 0], []
+    totals = [leant[:, 0]]
     for band in range(1, bands):
-        ways = total[:, np.newaxis, :] - cost
-        trace.append(ways.argmax(axis=2))
-        total = leant[:, band] + ways.max(axis=2)
-    score = total.max(axis=1) - DELAY_COST * np.abs(delays)
+        totals.append(leant[:, band] + (totals[-1][:, np.newaxis, :] - cost).max(axis=2))
+    score = totals[-1].max(axis=1) - DELAY_COST * np.abs(delays)
     i = int(score.argmax())
-    path = [int(total[i].argmax())]
-    for came in reversed(trace):
-        path.append(int(came[i, path[-1]]))
+    path = [int(totals[-1][i].argmax())]
+    # Where the best path came from is looked for along it only.
+    for total in reversed(totals[:-1]):
+        path.append(int((total[i] - cost[path[-1]]).argmax()))
     return float(score[i]), float(delays[i]), 2 * np.pi / PHASES * np.array(path[::-1])
 
 
