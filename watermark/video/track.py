@@ -153,9 +153,9 @@ class VideoTracker:
         self._mode = mode
         place = float(start + offset)
         if self._due is None:
-            # The frames before may lack the mark.
+            # Of the frames before, those of the window before show the border, if they are marked.
             self._clock.clear()
-            self._clocked = start + offset
+            self._clocked = start + offset - round(self._timing.span / 2)
         place = self._on_time(place)
         before = self._before(place) if self._due is None else []
         return [*before, self._deliver(place, soft, decoded)]

@@ -27,26 +27,21 @@ def test_late_borders_are_found() -> None:
     for late in (-2.6, 0.3, 1.7):
         clock = BorderClock(TIMING, WATCH)
         clock.add(0, frames(60, late, 0.9), np.zeros(PILOTS))
-        # A tenth of a frame is 4 ms.
-        assert abs(clock.correction(0.0, trust=0.0) - late) < 0.2
-        assert abs(clock.correction(2 * TIMING.span, trust=0.0) - late) < 0.2
+        # A quarter of a frame is 10 ms; the windows are looked for at `position`.
+        assert abs(clock.correction(0.0, trust=0.0) - late) < 0.3
+        assert abs(clock.correction(2 * TIMING.span, trust=0.0) - late) < 0.3
         # A position that is trusted gives way by parts.
         assert abs(clock.correction(0.0)) < 0.95 * abs(clock.correction(0.0, trust=0.0))
         clock.clear()
         assert clock.correction(0.0) == 0.0
 
 
-def test_textured_cells_lead() -> None:
-    texture = np.where(np.arange(PILOTS) % 3, 0.0, 3.0)
-    layout, step = WATCH.modes[0].layout, WATCH.modes[0].pilot_step
-    spread = np.where(texture > 0, 3, 1)
-    dither = layout.dither[WATCH.positions]
-    even, odd = (step * (dither + spread * (layout.pilot_bits ^ p) / 2) for p in (0, 1))
-    times = np.arange(3, 28) + 0.5
-    middle = TIMING.span + np.where(texture > 0, 0.0, 2.0)
-    weights = np.clip((times[:, None] - middle) / 4 + 0.5, 0, 1)
+def test_copies_date_nothing() -> None:
+    fresh = frames(60, 0.0, 0.9)
+    # A coder shows two thirds of the cells again for up to three frames.
+    shown = np.where(np.arange(PILOTS) % 3, fresh[np.arange(60) // 4 * 4], fresh)
     clock = BorderClock(TIMING, WATCH)
-    clock.add(3, (1 - weights) * even + weights * odd, texture)
+    clock.add(0, shown, np.zeros(PILOTS))
     assert abs(clock.correction(0.0, trust=0.0)) < 0.5
 
 
