@@ -298,7 +298,8 @@ class AudioReceiver:
         due = self._follower.track
         if due is None or (self._guessing and self._follower.doubts(self._tape)):
             return []
-        if self._follower.doubted and (found := self._stretched.go_on(self._tape, due)):
+        usual = self._follower.doubted
+        if usual is not None and (found := self._stretched.go_on(self._tape, due, usual)):
             return self._go_on(found)
         before = replace(due)
         found = self._follower.follow(self._tape, self.patience)

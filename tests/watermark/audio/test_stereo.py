@@ -75,6 +75,20 @@ def test_cells_are_read_where_known_bits_fit_better() -> None:
         assert receiver._follower.track.pair is apart
 
 
+@pytest.mark.parametrize("gain", [0.5, 1.5])
+def test_a_lock_tells_where_the_cells_stand(gain: float) -> None:
+    """A lock by guesses assumes left and right; the past is read as the lock is."""
+    common, own = host(8.0, channels=1, seed=5), host(8.0, seed=6)
+    x = (common + 0.5 * own).astype(np.float32)
+    middle = x.mean(axis=1, keepdims=True)
+    heard = (gain * (x + embed(middle) - middle)).astype(np.float32)
+    receiver = AudioReceiver(48000, 2)
+    found = next(at for at in range(0, len(heard), 4800) if receiver.process(heard[at : at + 4800]))
+    assert found is not None
+    assert receiver._follower.track is not None
+    assert not receiver._follower.track.pair
+
+
 def test_a_gain_learnt_wrongly_does_no_harm(marked: Sound) -> None:
     """What coders add looks like a change of gain; the nominal steps are tried, too."""
     tape, reader = StereoBuffer(), TrackReader(0, 1.0)

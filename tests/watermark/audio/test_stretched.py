@@ -1,5 +1,6 @@
 """Sound whose duration was changed at its pitch: pieces of it, some milliseconds apart."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,9 +10,13 @@ from numpy.typing import NDArray
 from tests.watermark.audio.test_carrier import embed, host, payload
 from tests.watermark.cells import project
 from watermark.audio.follow.demodulate import Demodulator
+from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.place_projections import PlaceProjections
 from watermark.audio.follow.purse import AT_FIRST, EARNED, SAVED
+from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.follow.stretched_path import Paths
+from watermark.audio.follow.track import Track
+from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.sound_ring import Stretch
 from watermark.audio.search.stretched_search import find_stretched
@@ -75,6 +80,21 @@ def test_pieces_after_usual_superframes_are_read() -> None:
             found |= {s.l0 for s in receiver.process(heard[first : first + 4800])}
         read += len(sent & found)
     assert read >= 16  # of 21
+
+
+def test_whole_sound_is_not_followed_in_pieces() -> None:
+    """Where a superframe fails by chance, reading it in pieces may succeed by chance."""
+    tape, reader = StereoBuffer(), TrackReader(0, 1.0)
+    tape.append(marked()[:, 0].astype(np.float64))
+    demodulator = reader.demodulator(STANDARD.number)
+    track = Track(2.0 * SUPERFRAME, 1.0, demodulator, 3.0, Equaliser(demodulator.bands))
+    whole = reader.read(tape, track, reader.view(tape, track), due=True)
+    assert whole.decoded.l0 == payload(2)[0]
+    noise = np.random.default_rng(0).standard_normal(whole.soft.shape)
+    for usual, followed in ((whole, False), (replace(whole, soft=noise), True)):
+        stretched, due = StretchedFollower(0, FS, 1.0, reader), replace(track, level=whole.level)
+        assert [s.l0 for s in stretched.go_on(tape, due, usual)] == [payload(2)[0]] * followed
+        assert stretched.locked is followed
 
 
 def test_no_second_costs_more_than_the_purse_gives() -> None:

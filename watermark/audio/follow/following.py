@@ -63,8 +63,8 @@ class TrackFollower:
     ----------
     track : Track or None
         Where the next superframe is expected; None where nothing is followed.
-    doubted : bool
-        Whether the next superframe seems to lie in pieces.
+    doubted : SuperframeReading or None
+        The next superframe as it was read in vain where it seems to lie in pieces.
     past : PastReader
         Reads what was on air before the lock.
     last_start, last_told : float
@@ -75,7 +75,7 @@ class TrackFollower:
         self._fs, self._nominal, self._reader, self._purse = fs, nominal, reader, purse
         self.track: Track | None = None
         self.last_start = self.last_told = -np.inf
-        self.doubted = False
+        self.doubted: SuperframeReading | None = None
         self._errors = self._counted = 0
         self.past = PastReader(fs, reader, purse)
 
@@ -106,6 +106,8 @@ class TrackFollower:
         track = accepted.track
         self._correct(tape, track, accepted.raw, accepted.reading, wide=True)
         reading = self._reader.complete(tape, track, accepted.reading)
+        # Which channels the cells stand in must be known before the past is read.
+        self._reader.settle_pair(tape, track, reading)
         known = self.track
         if known is not None and known.demodulator is track.demodulator:
             # How many superframes lie between the tracks, and where the old one's clock puts this
@@ -136,7 +138,7 @@ class TrackFollower:
         first = tape.first + (HOP if tape.first else -HOP) * track.ratio
         first = max(first, self.last_told + 0.5 * SUPERFRAME * track.ratio)
         until = tape.end + LATEST_S * self._fs
-        self.doubted, self.track = False, track
+        self.doubted, self.track = None, track
         self.past.start(replace(track, bend=0.0), first, until)
         self.past.hold([self._deliver(track, reading)])
         return [*before, *self.past.read(tape)]
@@ -159,15 +161,15 @@ class TrackFollower:
             return False
         raw = self._reader.view(tape, track)
         reading = self._reader.read(tape, track, raw, due=True, brief=True)
-        self.doubted = reading.decoded.l0 is None
-        return self.doubted
+        self.doubted = reading if reading.decoded.l0 is None else None
+        return self.doubted is not None
 
     def follow(self, tape: StereoBuffer, patience: int) -> list[ReceivedSuperframe]:
         """Read the superframe that is due; note whether it arrived.
 
         After `patience` failures in a row they are not handed out any more.
         """
-        track, self.doubted = self.track, False
+        track, self.doubted = self.track, None
         if track is None:
             return []
         # A track that is lost already must leave some of the purse to the search.

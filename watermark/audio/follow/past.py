@@ -6,7 +6,14 @@ read since. Specification: spec/audio-carrier.md, W37.
 
 from dataclasses import dataclass, field
 
-from watermark.audio.follow.purse import ELSEWHERE, PAST, READ_BACK, VIEW, DecodingPurse
+from watermark.audio.follow.purse import (
+    ELSEWHERE,
+    PAST,
+    PAST_FAILED,
+    READ_BACK,
+    VIEW,
+    DecodingPurse,
+)
 from watermark.audio.follow.track import Track, received
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.signal.profile import SUPERFRAME
@@ -100,6 +107,8 @@ class PastReader:
             with self._purse.keeping(0.0 if whole else PAST):
                 if not whole and not self._purse.has(READ_BACK + VIEW):
                     return []
+            # What fails is tried further with some of what is kept from those that do not.
+            with self._purse.keeping(0.0 if whole else PAST_FAILED):
                 self._read_before(tape, past)
         return []
 

@@ -47,9 +47,10 @@ ELSEWHERE, BESIDE = 6.0, 0.125
 """Least cost of reading beside the likeliest place, and part of the savings that is kept then for
 the likeliest one."""
 
-DUE, PAST = 0.125, 0.5
-"""Part of the savings that candidates leave for superframes which are due, where any are, and part
-that superframes of the past leave for them: the next ones show level and gain."""
+DUE, PAST, PAST_FAILED = 0.125, 0.5, 0.3
+"""Part of the savings that candidates leave for superframes which are due, where any are, part
+that superframes of the past leave for them, the next ones show level and gain, and part that those
+which fail leave."""
 
 HUNTED, LOST = 0.2, 0.3
 """Part of the savings that hunting leaves for attempts at its finds, and part that is left for

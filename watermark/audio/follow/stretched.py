@@ -114,10 +114,13 @@ class StretchedFollower:
         self._first = reading, places
         return True
 
-    def go_on(self, tape: SampleBuffer, track: Track) -> list[ReceivedSuperframe]:
+    def go_on(
+        self, tape: SampleBuffer, track: Track, usual: SuperframeReading
+    ) -> list[ReceivedSuperframe]:
         """Lock onto the superframe after one that was read as usual, if that is in pieces.
 
-        It is read briefly, as far as the purse pays.
+        It is read briefly, as far as the purse pays. Whole sound can be read in pieces as well: it
+        is in pieces only where fewer bits are wrong so than `usual`, read at the track in vain.
         """
         self._demodulator, purse = track.demodulator, self._reader.purse
         # Look for pieces around the place where the next superframe would begin at each tempo.
@@ -138,6 +141,9 @@ class StretchedFollower:
             first = [(place.piece, JUMPS[0])]
             read = self._pieces.brief(paths, place.levels, first, [], tempo)
             if read is not None:
+                sent = track.demodulator.expected(read.reading.decoded)
+                if np.sum(usual.soft * sent < 0) <= np.sum(read.reading.soft * sent < 0):
+                    return []
                 self._place = place
                 place.learn(read.reading.level, read.places, tempo)
                 self.demodulator.learn(read.reading)

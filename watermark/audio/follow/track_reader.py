@@ -14,7 +14,7 @@ import numpy as np
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
-from watermark.audio.follow.fit import AlignmentFit, find_delay, search_fit
+from watermark.audio.follow.fit import AlignmentFit, Grid, find_delay, search_fit
 from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
 from watermark.audio.follow.track import TURNED_TRIALS, Track, as_used, likely_phases, look, views
 from watermark.audio.search.acquire import DEVIATION, Candidate
@@ -251,6 +251,8 @@ class TrackReader:
         old = track.age >= PAIR_CHECKS and track.age % PAIR_CHECKS
         if old or not isinstance(tape, StereoBuffer):
             return
+        if track.pair and not reading.view.paired:
+            return  # The channels are equal.
         other = replace(track, pair=not track.pair)
         raw = self.view(tape, other)
         if raw.paired == reading.view.paired:
@@ -259,26 +261,32 @@ class TrackReader:
         expected = demodulator.expected(reading.decoded) * (demodulator.places.cells != MID)
         step = demodulator.profile.step(reading.level)
         there = as_used(other, raw).soft(demodulator.layout.cells, step)
-        gain = float(((there - reading.soft) * expected).sum())
+        # A lock has moved the track from where it was read.
+        here = reading.soft
+        if not track.age:
+            here = as_used(track, self.view(tape, track)).soft(demodulator.layout.cells, step)
+        gain = float(((there - here) * expected).sum())
         if gain > CLEARLY * math.sqrt(np.count_nonzero(expected) / 2):
             track.pair = other.pair
 
     def find_beside(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
-        pilots, profile = make_pilots(self._key), track.demodulator.profile
-        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
-        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-        expected = pilots.expected(profile.number)
         moved = replace(track, misses=0, age=0)
         view = as_used(track, raw)
         for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
-            self.purse.charge(FIT)
-            fit = search_fit(view, pilots.cells, step, expected, grid)
+            fit = self._fit_pilots(track, view, grid)
             if fit.score < least:
                 return None
             self.move(moved, fit)
             view = as_used(moved, self.view(tape, moved))
         return moved
+
+    def _fit_pilots(self, track: Track, view: SuperframeView, grid: Grid) -> AlignmentFit:
+        self.purse.charge(FIT)
+        pilots, profile = make_pilots(self._key), track.demodulator.profile
+        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
+        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+        return search_fit(view, pilots.cells, step, pilots.expected(profile.number), grid)
 
     def learn_back(self, past: Track, raw: SuperframeView, reading: SuperframeReading) -> None:
         """Let a superframe of the past correct the place of the one before, and the phases."""
