@@ -1,6 +1,6 @@
 """Memory of a command that works through large arrays."""
 
-import ctypes
+from receiver.television.memory import set_allocator
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 """Numbers of mallopt's parameters (glibc, malloc.h)."""
@@ -20,8 +20,4 @@ def keep_freed_memory() -> bool:
     bool
         False if the C library has no such choice: nothing has changed.
     """
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):
-        return False
-    return bool(mallopt(_M_MMAP_THRESHOLD, _LARGE)) and bool(mallopt(_M_TRIM_THRESHOLD, _KEPT))
+    return set_allocator({_M_MMAP_THRESHOLD: _LARGE, _M_TRIM_THRESHOLD: _KEPT})

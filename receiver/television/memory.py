@@ -21,6 +21,26 @@ _EVERY_S = 1.0
 """Seconds between two releases of the compiler's pages."""
 
 
+def set_allocator(choices: dict[int, int]) -> bool:
+    """Set parameters of the C library's memory.
+
+    Parameters
+    ----------
+    choices : dict of int to int
+        Values by numbers of mallopt's parameters (glibc, malloc.h).
+
+    Returns
+    -------
+    bool
+        False if the C library has no such choice: nothing has changed.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return False
+    return all(mallopt(number, value) for number, value in choices.items())
+
+
 def give_back_large_blocks(threshold: int = 256 * 1024) -> bool:
     """Let the C library return large blocks when they are freed, and keep one heap for all threads.
 
@@ -38,11 +58,7 @@ def give_back_large_blocks(threshold: int = 256 * 1024) -> bool:
     bool
         False if the C library has no such choice: nothing has changed.
     """
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):
-        return False
-    return bool(mallopt(_M_MMAP_THRESHOLD, threshold)) and bool(mallopt(_M_ARENA_MAX, _ARENAS))
+    return set_allocator({_M_MMAP_THRESHOLD: threshold, _M_ARENA_MAX: _ARENAS})
 
 
 async def give_back_compiler() -> None:

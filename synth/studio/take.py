@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from codec.cues.score import Score
 from synth.motion.measured.cuer import Performer
-from synth.motion.rules.gesture import Labels
+from synth.motion.rules.labels import Labels
 from synth.studio.studio import Studio
 
 _TAIL_S = 1.2

@@ -15,7 +15,8 @@ from synth.motion.body.skeleton import HAND_ANGLES
 from synth.motion.measured.drift_noise import DriftNoise
 from synth.motion.measured.face import articulators, steps
 from synth.motion.measured.plan import MovementPlan, make_plan
-from synth.motion.rules.gesture import GestureSynthesiser, Labels
+from synth.motion.rules.gesture import GestureSynthesiser
+from synth.motion.rules.labels import Labels
 from synth.motion.rules.visemes import ARTICULATORS, UNITS_OF
 
 FloatArray = NDArray[np.float64]

@@ -21,7 +21,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.movement import FLOWING, Movement
 from codec.cuer.voice import Voice
 from codec.cues.cueing import DEFAULT_OPTIONS, CueingOptions
-from codec.cues.phonology import PAUSE, PHONE_NUMBER
+from codec.cues.phonology import PHONE_NUMBER
 from codec.cues.score import PLACEMENTS, Key, Score
 from codec.cues.timeline import TICK_S, Sounding, to_ticks
 from codec.errors import CueError
@@ -31,6 +31,7 @@ from synth.motion.body.reach import key_poses, placement_target
 from synth.motion.body.skeleton import HAND_ANGLES
 from synth.motion.rules.coarticulation import PhoneLine, articulate
 from synth.motion.rules.drift import Drift, normals_at
+from synth.motion.rules.labels import Labels, labels_at
 from synth.motion.rules.movement import Gestures, check_alignment, moved, plan_gestures
 from synth.motion.rules.movement import law as movement_law
 from synth.motion.rules.outline import Outline, slack_of
@@ -96,30 +97,6 @@ _SMOOTH_HZ = 50.0
 
 _LIPS_TICKS = 10
 """How far from a frame a phone can bind its lips."""
-
-_HELD_PART = 0.3
-"""Middle part of a key whose frames are labelled as held."""
-
-_NEAR_PART = 0.15
-"""Part of a stroke's time at each end that covers 3 % of its way."""
-
-_SILENT_S = 0.3
-"""Least silence in seconds whose frames are labelled as a pause."""
-
-
-@dataclass(frozen=True, slots=True)
-class Labels:
-    """The held key of each frame; -1 during movements.
-
-    Attributes
-    ----------
-    shape, placement, phone : ndarray of int8, shape (T,)
-        Hand shape, index into `codec.cues.score.PLACEMENTS`, phone number.
-    """
-
-    shape: NDArray[np.int8]
-    placement: NDArray[np.int8]
-    phone: NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,18 +361,8 @@ class GestureSynthesiser:
 
     def labels(self, score: Score, start_s: float, n_frames: int) -> Labels:
         """Return the held key of each frame."""
-        times = self.times_s(start_s, n_frames)
-        g = self._plan(score).gestures
-        rule = self._movement
-        shape = _held(times, g.leave + rule.fingers_begin_s, g.reach + rule.fingers_end_s, g.shape)
-        placement = _held(times, g.leave, g.reach, g.placement)
-        line = self._plan(score).phones
-        phone = np.where(line.silent(times, _SILENT_S), PHONE_NUMBER[PAUSE], -1).astype(np.int8)
-        middle, half = 0.5 * (line.start + line.end), 0.5 * _HELD_PART * (line.end - line.start)
-        first, last = np.searchsorted(times, middle - half), np.searchsorted(times, middle + half)
-        for number in np.flatnonzero(last > first):
-            phone[first[number] : last[number]] = line.number[number]
-        return Labels(shape, placement, phone)
+        plan, times = self._plan(score), self.times_s(start_s, n_frames)
+        return labels_at(times, plan.gestures, plan.phones, self._movement)
 
     def target_times(self, score: Score) -> list[tuple[Key | None, float]]:
         """Return when the hand is on target: per key and per rest (None) between or after keys."""
@@ -519,19 +486,3 @@ def _under_way(
     if not len(times):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero((ends > times[0] - margin) & (begins <= times[-1] + margin))
-
-
-def _held(
-    times: FloatArray, leave: FloatArray, reach: FloatArray, target: NDArray[np.int64]
-) -> NDArray[np.int8]:
-    """Return the target held at each time, -1 on the way to one.
-
-    A target is held from near the end of its own stroke until the next one has begun in earnest:
-    strokes overlap.
-    """
-    length = reach - leave
-    begins = reach - _NEAR_PART * length
-    ends = np.append(leave[1:] + _NEAR_PART * length[1:], np.inf)
-    current = np.searchsorted(begins, times, side="right") - 1
-    there = times < ends[np.maximum(current, 0)]
-    return np.where(there & (current >= 0), target[current], -1).astype(np.int8)
