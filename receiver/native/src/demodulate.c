@@ -19,7 +19,7 @@ static float concentration(float r) { return 2 * r * (2 - r * r) / (1 - r * r); 
 
 void cue_reliability_init(cue_reliability *r, int groups) {
     for (int g = 0; g < groups; g++) /* coders treat high bands worst */
-        r->resultant[g] = 0.5f * exp2f(-2.64385619f * (float)g / (float)(groups - 1));
+        r->resultant[g] = 0.5f * exp2f(-1.73696559f * (float)g / (float)(groups - 1));
     r->exponents[0] = r->exponents[1] = 0;
     r->exponents[2] = -0.3f;
 }
@@ -105,30 +105,14 @@ static void weigh(cue_hearing *h, const float *cells, const float *exponents, fl
         }
 }
 
-/* Weights with which bits are read that nothing is known of: smoothed, and nearer to each other
- * than what was learnt. */
+/* Weights with which bits are read that nothing is known of: nearer to each other than what was
+ * learnt. */
 static void cautious(cue_hearing *h, int profile, const cue_reliability *r) {
     int groups = cue_groups(&cue_profiles[profile]);
-    float mean[4] = {0}, count[4] = {0}, even[GROUPS], cells[GROUPS];
+    float cells[GROUPS];
     for (int g = 0; g < groups; g++) {
-        mean[kind_of(h, profile, g)] += r->resultant[g];
-        count[kind_of(h, profile, g)] += 1;
-    }
-    for (int i = 0; i < 4; i++) mean[i] /= count[i] > 0 ? count[i] : 1;
-    for (int g = 0; g < groups; g++) {
-        int kind = kind_of(h, profile, g);
-        even[g] = kind && mean[1] > 0 ? mean[kind] / mean[1] : 1;
-    }
-    for (int g = 0; g < groups; g++) {
-        float sum = 0, weight = 0;
-        for (int d = -4; d <= 4; d++) {
-            int at = g + d < 0 ? 0 : g + d >= groups ? groups - 1 : g + d;
-            float near = cue_exp(-0.5f * (float)(d * d));
-            sum += near * r->resultant[at] / even[at];
-            weight += near;
-        }
-        cells[g] = sqrtf(concentration(clip(even[g] * sum / weight, least_resultant,
-                                            largest_resultant)));
+        float root = sqrtf(concentration(r->resultant[g]));
+        cells[g] = root * sqrtf(root);
     }
     weigh(h, cells, r->exponents, 0.75f, groups);
 }
