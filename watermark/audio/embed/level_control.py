@@ -93,11 +93,15 @@ OVERDRAWN = 3.0
 """Factor of a passage's deficit to the lowest grade that is taken from superframes that stand out:
 with 6 a clip whose grade is short lost twice the superframes, with 0 it ended 0.03 lower."""
 
-TOLERATED, GIVEN_UP = 0.05, 20.0
-"""Deficit up to which that is all, and the factor of what lies beyond: where a coder leaves too
-little at any level, as AAC at 64 kbit/s of speech, superframes failed all the same and the grade of
-a minute was -0.65; so it is -0.51."""
+DEFICIT, YOUNG_DEFICIT = 0.02, 0.1
+"""Deficit up to which that is all, and how much more a passage may have that has just begun: beyond
+it, a stretch that grades below the lowest grade is written more softly until either grades higher.
+Feeding the deficit back instead left a clip at -0.46 and six of its superframes lost."""
 
+LEAST_STEP, USELESS = 0.25, 1.5
+"""Least step of such an attempt, and levels below the wanted one beyond which superframes fail all
+the same, as through a named coder that leaves too little: the stretch is then written as without
+it, so that later ones have their level, instead of all being short by as much."""
 
 SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
@@ -131,6 +135,15 @@ class _Passage:
     def whole(self) -> float | None:
         """Grade of all that was heard so far, None for silence."""
         return _odg(self._meter, WHOLE)
+
+    @property
+    def count(self) -> int:
+        """Stretches in it with the next one."""
+        return len(self._bases[self._older]) + 1
+
+    def grade(self, meter: PeaqMeter) -> float | None:
+        """Grade with a meter's last stretch, None for silence."""
+        return _odg(meter, self._older)
 
     def loss(self, meter: PeaqMeter) -> float:
         """Grade that a meter's last stretch has cost a passage, 0 where that is not known yet."""
@@ -252,6 +265,7 @@ class LevelControl:
                     break
                 steps = max(round(math.log2(loss / SPOILT)), 1)
                 chosen = hear(max(base - SOFTER * steps, softest))
+            chosen = self._bound(hear, chosen, least)
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
             self._learn(passage)
@@ -263,8 +277,7 @@ class LevelControl:
         """Levels by which the passage stands too high for the lowest grade, 0 if it does not."""
         last = self._passage.last
         short = 0.0 if last is None else max(self._wanted - last, 0.0)
-        given = OVERDRAWN * short + GIVEN_UP * max(short - TOLERATED, 0.0)
-        return self._passage.maturity * given / GRADES_PER_LEVEL
+        return self._passage.maturity * OVERDRAWN * short / GRADES_PER_LEVEL
 
     def lack(self, enough: float) -> float:
         """Levels that a passage lacks though it has the lowest grade, below 0 if none."""
@@ -279,6 +292,29 @@ class LevelControl:
         """Return what a stretch takes from the passage's grade by itself being below it."""
         low = heard.grade is not None and heard.grade < self._target
         return self._passage.loss(heard.meter) if low else 0.0
+
+    def _bound(
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        least: float,
+    ) -> _HeardAttempt[T]:
+        """Write a stretch more softly until it, or the passage with it, grades high enough."""
+        count = self._passage.count
+        youth = 1 - min(2 * count / PASSAGE, 1.0)
+        allowed = self._wanted - DEFICIT - YOUNG_DEFICIT * youth
+        for _ in range(TRIALS):
+            passage = self._passage.grade(chosen.meter)
+            if chosen.base is None or chosen.grade is None or passage is None:
+                break
+            short = min((allowed - passage) * count, self._wanted - chosen.grade)
+            if short <= 0 or math.isinf(chosen.base):
+                break
+            lowered = self.base - chosen.base + max(short / GRADES_PER_LEVEL, LEAST_STEP)
+            if lowered > USELESS:
+                lowered = max(lowered, least - START_BASE)
+            chosen = hear(self.base - lowered)
+        return chosen
 
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
