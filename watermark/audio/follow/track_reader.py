@@ -14,7 +14,7 @@ import numpy as np
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
-from watermark.audio.follow.fit import AlignmentFit, Grid, find_delay, search_fit
+from watermark.audio.follow.fit import AlignmentFit, find_delay, search_fit
 from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
 from watermark.audio.follow.track import TURNED_TRIALS, Track, as_used, likely_phases, look, views
 from watermark.audio.search.acquire import DEVIATION, Candidate
@@ -271,22 +271,20 @@ class TrackReader:
 
     def find_beside(self, tape: SampleBuffer, track: Track, raw: SuperframeView) -> Track | None:
         """Find by its pilots where a superframe lies that the clock has led astray."""
+        pilots, profile = make_pilots(self._key), track.demodulator.profile
+        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
+        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
+        expected = pilots.expected(profile.number)
         moved = replace(track, misses=0, age=0)
         view = as_used(track, raw)
         for grid, least in ((BESIDE, COARSE_SCORE), (BESIDE_FINE, BESIDE_SCORE)):
-            fit = self._fit_pilots(track, view, grid)
+            self.purse.charge(FIT)
+            fit = search_fit(view, pilots.cells, step, expected, grid)
             if fit.score < least:
                 return None
             self.move(moved, fit)
             view = as_used(moved, self.view(tape, moved))
         return moved
-
-    def _fit_pilots(self, track: Track, view: SuperframeView, grid: Grid) -> AlignmentFit:
-        self.purse.charge(FIT)
-        pilots, profile = make_pilots(self._key), track.demodulator.profile
-        tier = math.floor((track.level - track.offset) / TIER_LEVELS + 1e-6)
-        step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
-        return search_fit(view, pilots.cells, step, pilots.expected(profile.number), grid)
 
     def learn_back(self, past: Track, raw: SuperframeView, reading: SuperframeReading) -> None:
         """Let a superframe of the past correct the place of the one before, and the phases."""
