@@ -117,10 +117,11 @@ def _video_peer(bits: Any) -> Peer:
     for name, now in (("asfarray", np.asarray), ("issubsctype", np.issubdtype)):
         setattr(np, name, now)
     key = importlib.import_module("blind_video_watermark.dtcwt_key")
-    key.np = types.SimpleNamespace(**vars(np))
-    key.np.zeros = lambda shape, dtype=float: np.zeros(
+    older = types.SimpleNamespace(**vars(np))
+    older.zeros = lambda shape, dtype=float: np.zeros(
         shape, complex if dtype == "complex_" else dtype
     )
+    vars(key)["np"] = older
     encoder, decoder = key.DtcwtKeyEncoder(), key.DtcwtKeyDecoder()
     pattern = key.generate_wm(1, encoder.infer_wm_shape((HEIGHT, WIDTH)))
     rows, columns = (
