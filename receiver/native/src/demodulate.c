@@ -19,7 +19,7 @@ static float concentration(float r) { return 2 * r * (2 - r * r) / (1 - r * r); 
 
 void cue_reliability_init(cue_reliability *r, int groups) {
     for (int g = 0; g < groups; g++) /* coders treat high bands worst */
-        r->resultant[g] = 0.5f * exp2f(-1.73696559f * (float)g / (float)(groups - 1));
+        r->resultant[g] = 0.5f * exp2f(-2.32192809f * (float)g / (float)(groups - 1));
     r->exponents[0] = r->exponents[1] = 0;
     r->exponents[2] = -0.3f;
 }
