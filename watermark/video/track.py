@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.borders import TRUST, BorderClock
-from watermark.video.demodulate import Soft, soft_bits
+from watermark.video.demodulate import LAG_MOTION, LAGS, Soft, soft_bits, without_lag
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
 from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY, VideoProfile
@@ -45,6 +45,20 @@ EARLIER = 2
 LATE_BEGINS = 0.0, 0.25, 0.5, 0.75
 """Where in its window a late pattern may begin to be seen: a coder shows it from its next good
 picture on, and the one before until then."""
+
+LAG_FRAMES = 2
+"""Frames at the end of a window, and before it, whose difference shows how much a picture with a
+lag still changes."""
+
+LAG_ATTEMPTS = 3
+"""Readings without the lag that are tried, those with the best agreement of the pilots."""
+
+LIST, LONG_LIST = 8, 32
+"""Paths of a decoder's list, and in these readings: they come last, and there are few."""
+
+REMEMBERED = 8
+"""Superframes whose L0 is known again: cleaners leave the pattern of a scene's first picture in
+flat cells for seconds, and every second superframe its pilots agree."""
 
 LATES = 1
 """Late superframes in a row that are read so; of more, it is rather the picture that is late."""
@@ -96,6 +110,7 @@ class VideoTracker:
         self._last = -math.inf
         self._newest: tuple[int, bytes] | None = None
         self._newest_place = 0.0
+        self._read: deque[bytes] = deque(maxlen=REMEMBERED)
         self._lates = 0
         self._misses = 0
         self._mode = 0
@@ -234,6 +249,10 @@ class VideoTracker:
         for place in np.argsort(-nearby, kind="stable")[:ATTEMPTS]:
             offset = int(place) - self._guard
             found.append((offset, *self._decode(start + offset, mode), False))
+            parity = self._parity(start)
+            if offset == 0 and found[0][2].l0 is None and parity not in (None, found[0][1].parity):
+                # Weak pilots may show the wrong one, and then too much noise.
+                found.append((0, *self._decode(start, mode, parity=parity), False))
             if offset == 0 and found[0][2].l1 is None and self._lates < LATES:
                 found += self._late(start, mode)
                 if found[0][2].l0 is None and found[-1][2].l0 is not None:
@@ -245,14 +264,15 @@ class VideoTracker:
             tried = {each[0] for each in found}
             earlier = [n for n in range(-1, -self._guard - EARLIER - 1, -1) if n not in tried]
             found += [(n, *self._decode(start + n, mode), False) for n in earlier]
+        if all(each[2].l0 is None for each in found):
+            found += self._lagging(start, mode)
         return max(found, key=lambda each: each[2].l0 is not None)
 
     def _late(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
         """Decode the end of a window in which the pilots speak best for the parity that is due."""
-        if self._due is None or self._newest is None:
+        parity = self._parity(start)
+        if parity is None:
             return []
-        away = round((start - self._newest_place) / self._timing.span)
-        parity = (self._newest[0] + away) % 2
         window, texture = self._timing.window, self._texture(start)[self._pilot_cells]
         first = start - (self._count - len(self._frames))
         pilots = np.array(
@@ -268,22 +288,85 @@ class VideoTracker:
         soft, decoded = self._decode(start, number, (round(begin * window), end))
         return [(0, soft, decoded, True)] if soft.parity == parity else []
 
-    def _decode(
-        self, start: int, number: int, part: tuple[int, int] | None = None
-    ) -> tuple[Soft, Decoded]:
-        """Decode a window, or these frames of it."""
-        mode = self._watch.modes[number]
+    def _parity(self, start: int) -> int | None:
+        """Parity that is due in a window, if that is known."""
+        if self._due is None or self._newest is None:
+            return None
+        away = round((start - self._newest_place) / self._timing.span)
+        return (self._newest[0] + away) % 2
+
+    def _lagging(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
+        """Decode a window close by as if each picture had been mixed with the one before."""
+        positions, cells = self._watch.positions, self._pilot_cells
+        plain, parity = self._agreement[self._guard][number], self._parity(start)
+        readings = []
+        for offset in (0, -1, 1):
+            texture = self._texture(start + offset)[cells]
+            mean = self._values(start + offset).mean(axis=0)[positions]
+            rise = self._rise(start + offset)[positions]
+            for lag in LAGS:
+                sharp = without_lag(mean, rise, texture, lag)
+                readings.append((self._watch.agreement(sharp, texture)[number], offset, lag))
+        best = [each for each in sorted(readings, reverse=True) if each[0] > plain][:LAG_ATTEMPTS]
+        return [
+            (offset, *self._decode(start + offset, number, lag=lag, parity=parity), False)
+            for _, offset, lag in best
+        ]
+
+    def _values(self, start: int, part: tuple[int, int] | None = None) -> FloatArray:
+        """Amplitudes in a window, or in these frames of it, shape (frames, POSITIONS)."""
         first = start - (self._count - len(self._frames))
-        values = np.array(
-            [self._frames[first + n] for n in range(*(part or (0, self._timing.window)))]
+        frames = range(*(part or (0, self._timing.window)))
+        # A picture's first frame stands for those before it.
+        return np.array([self._frames[max(0, first + n)] for n in frames])
+
+    def _rise(self, start: int) -> FloatArray:
+        """By how much amplitudes at a window's end are above those before it."""
+        end = self._timing.window
+        before, last = (-LAG_FRAMES, 0), (end - LAG_FRAMES, end)
+        return np.asarray(
+            self._values(start, last).mean(axis=0) - self._values(start, before).mean(axis=0)
         )
-        soft = soft_bits(values.mean(axis=0), values.var(axis=0), mode, self._texture(start))
+
+    def _decode(
+        self,
+        start: int,
+        number: int,
+        part: tuple[int, int] | None = None,
+        *,
+        lag: float = 0.0,
+        parity: int | None = None,
+    ) -> tuple[Soft, Decoded]:
+        """Decode a window, or these frames of it, or the window without a lag."""
+        mode = self._watch.modes[number]
+        values = self._values(start, part)
+        mean, variance, texture = values.mean(axis=0), values.var(axis=0), self._texture(start)
+        if lag:
+            mean = without_lag(mean, self._rise(start), np.tile(texture, TEMPLATES), lag)
+            variance *= LAG_MOTION
+        soft = soft_bits(mean, variance, mode, texture, parity)
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
-        decoded = mode.link.decode(soft.ratios)
-        if (soft.parity, decoded.l0) == self._newest and start > self._last + self._guard:
-            # Coders and frozen pictures show a pattern on: its neighbours have the other parity.
+        decoded = mode.link.decode(soft.ratios, list_size=LONG_LIST if lag else LIST)
+        if self._is_old(start, decoded.l0, None if parity is not None else soft.parity):
+            # Coders, cleaners and frozen pictures show a pattern on.
             decoded = replace(decoded, l0=None, l1=None)
         return soft, decoded
+
+    def _is_old(self, start: int, l0: bytes | None, parity: int | None) -> bool:
+        """Whether a window shows a superframe from before: one that is due differs or alternates.
+
+        Parameters
+        ----------
+        start : int
+        l0 : bytes or None
+        parity : int or None
+            None where the pilots were not asked for it.
+        """
+        if self._newest is None or start <= self._newest_place + self._guard:
+            return False
+        if l0 == self._newest[1]:
+            return parity in (None, self._newest[0])
+        return l0 in self._read
 
     def _deliver(self, place: float, soft: Soft, decoded: Decoded) -> ReceivedSuperframe:
         """Hand a superframe out and note when the next one is due."""
@@ -295,6 +378,7 @@ class VideoTracker:
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         if decoded.l0 is not None:
             self._newest, self._newest_place = (soft.parity, decoded.l0), place
+            self._read.append(decoded.l0)
         self._last = place
         self._due = place + self._timing.span if self._misses <= self.patience else None
         return ReceivedSuperframe(

@@ -117,6 +117,20 @@ def test_brightness_contrast_and_noise() -> None:
     assert [(s.l0, s.l1) for s in found] == [give(k) for k in range(3)]
 
 
+def test_cleaner_with_a_memory() -> None:
+    """A filter that mixes each picture with nine parts of those before, on a film with noise."""
+    give, rng = source("standard"), np.random.default_rng(0)
+    noisy = [picture(n) + rng.normal(0, 3, (HEIGHT, WIDTH)) for n in range(96)]
+    frames = [np.clip(f, 0, 255).astype(np.uint8) for f in noisy]
+    marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, give))
+    shown, state = [], marked[0].astype(float)
+    for frame in marked:
+        state = 0.9 * state + 0.1 * frame
+        shown.append(state.round().astype(np.uint8))
+    found = receive(shown, VideoReceiver(WIDTH, HEIGHT, 25))
+    assert {give(k)[0] for k in range(1, 5)} <= {s.l0 for s in found}
+
+
 def test_tuning_in_anywhere() -> None:
     give = source("standard")
     marked = mark([picture(n) for n in range(80)], VideoEmbedder(WIDTH, HEIGHT, 25, give))

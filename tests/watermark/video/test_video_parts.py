@@ -10,7 +10,7 @@ from tests.watermark.pictures import mark, picture, source
 from watermark.audio.signal.profile import PROFILES as AUDIO_PROFILES
 from watermark.link.link import Link
 from watermark.video import _kernels
-from watermark.video.demodulate import soft_bits
+from watermark.video.demodulate import LAGS, soft_bits, without_lag
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid, Region
 from watermark.video.layout import make_layout
@@ -127,6 +127,32 @@ def test_coarse_lattice_lies_within_the_fine_one() -> None:
         wrong.append(float(((ratios < 0) != bits[layout.data]).mean()))
     assert wrong[0] > 0.3  # measured 0.44
     assert wrong[1] < 0.06  # measured 0.03
+
+
+def test_memory_of_a_filter_is_taken_back() -> None:
+    """Each picture is mixed with the one before, most where there is no texture."""
+    mode = make_modes(find_profile("standard"), 0, 1.0)[0]
+    layout, rng = mode.layout, np.random.default_rng(1)
+    texture = np.where(rng.uniform(size=ROWS * COLUMNS) < 0.5, 0.0, 0.45)
+    kept = np.tile(np.where(texture > 0, 0.84, 0.915), TEMPLATES)
+    bits = rng.integers(0, 2, (2, POSITIONS))
+    bits[:, layout.pilots] = layout.pilot_bits ^ np.array([[1], [0]])
+    shown, state = [], np.zeros(POSITIONS)
+    for each in bits:
+        point = lattice_points(mode, each, (1, 1), rng.integers(-1, 1, POSITIONS))
+        for _ in range(12):
+            state = kept * state + (1 - kept) * point
+            shown.append(state)
+    values = np.array(shown[12:])
+    rise = values[-2:].mean(axis=0) - np.mean(shown[10:12], axis=0)
+    wrong = []
+    for lag in (0.0, *LAGS):
+        mean = without_lag(values.mean(axis=0), rise, np.tile(texture, TEMPLATES), lag)
+        soft = soft_bits(mean, values.var(axis=0), mode, texture)
+        wrong.append(float(((soft.ratios < 0) != bits[1][layout.data]).mean()))
+    assert wrong[0] > 0.4  # measured 0.45
+    assert wrong[1] < 0.25  # measured 0.19
+    assert wrong[2] == 0
 
 
 def test_ratios_are_calibrated() -> None:
