@@ -347,7 +347,8 @@ class VideoTracker:
         soft = soft_bits(mean, variance, mode, texture, parity)
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
         decoded = mode.link.decode(soft.ratios, list_size=LONG_LIST if lag else LIST)
-        if self._is_old(start, decoded.l0, None if parity is not None else soft.parity):
+        shown = None if parity is not None or soft.agreement < THRESHOLD else soft.parity
+        if self._is_old(start, decoded.l0, shown):
             # Coders, cleaners and frozen pictures show a pattern on.
             decoded = replace(decoded, l0=None, l1=None)
         return soft, decoded
@@ -360,7 +361,7 @@ class VideoTracker:
         start : int
         l0 : bytes or None
         parity : int or None
-            None where the pilots were not asked for it.
+            None where the pilots do not show it.
         """
         if self._newest is None or start <= self._newest_place + self._guard:
             return False
