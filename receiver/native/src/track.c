@@ -12,7 +12,7 @@
 
 #include "hearing.h"
 
-enum { PATIENCE = 6, REMEMBERED = 16, UNREADABLE = 10, YOUNG = 4 };
+enum { PATIENCE = 6, REMEMBERED = 16, UNREADABLE = 10, YOUNG = 4, PAIR_CHECKS = 8 };
 
 static const double follow_reach = 0.3, same_place = 1.0, same_clock = 2e-4;
 
@@ -248,32 +248,35 @@ static bool read_elsewhere(cue_hearing *h, cue_track *t, enum cue_effort effort)
     return true;
 }
 
-/* Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly. */
-static void settle_pair(cue_hearing *h, cue_track *t) {
+/* Sum of the soft values of known bits of left and right at a track's place; `count` gets their
+ * number. */
+static float agreement_aside(cue_hearing *h, const cue_track *t, float *count) {
     const cue_profile *p = &cue_profiles[t->profile];
-    float soft[FRAMES * GROUPS], gain = 0, count = 0, fit = 0;
+    float soft[FRAMES * GROUPS], sum = 0;
+    cue_soft(h, &h->view, t->profile, data_step(h, t), soft);
+    *count = 0;
+    for (int i = 0; i < FRAMES * cue_groups(p); i++) {
+        int bin = p->first_bin + i % cue_groups(p) * p->cell_bins;
+        if (h->layout.place[t->profile][bin] == MID || !h->reading.expected[i]) continue;
+        sum += soft[i] * (float)h->reading.expected[i];
+        *count += 1;
+    }
+    return sum;
+}
+
+/* Go on with cells in mid, left and right, or all in the mid: as known bits fit clearly. An old
+ * track seldom asks. The view is that of the track. */
+static void settle_pair(cue_hearing *h, cue_track *t) {
     cue_track other = *t;
     bool paired = h->view.paired;
-    if (!h->stereo) return;
-    for (int i = 0; i < FRAMES * cue_groups(p); i++) {
-        int bin = p->first_bin + i % cue_groups(p) * p->cell_bins;
-        if (h->layout.place[t->profile][bin] == MID || !h->reading.expected[i]) continue;
-        fit += h->reading.soft[i] * (float)h->reading.expected[i];
-        count++;
-    }
-    if (fit > 0.35f * count) return; /* good as it is */
-    count = 0;
+    float count, here;
+    if (!h->stereo || (t->pair && !paired)) return;
+    if (t->age >= PAIR_CHECKS && t->age % PAIR_CHECKS) return;
+    here = agreement_aside(h, t, &count);
     other.pair = !t->pair;
     view(h, &other);
-    if (h->view.paired == paired) return;
-    cue_soft(h, &h->view, t->profile, data_step(h, t), soft);
-    for (int i = 0; i < FRAMES * cue_groups(p); i++) {
-        int bin = p->first_bin + i % cue_groups(p) * p->cell_bins;
-        if (h->layout.place[t->profile][bin] == MID || !h->reading.expected[i]) continue;
-        gain += (soft[i] - h->reading.soft[i]) * (float)h->reading.expected[i];
-        count++;
-    }
-    if (gain > sqrtf(count / 2)) t->pair = other.pair;
+    if (h->view.paired != paired && agreement_aside(h, &other, &count) - here > sqrtf(count / 2))
+        t->pair = other.pair;
 }
 
 /* ---- Locks ----------------------------------------------------------------------------------- */
@@ -284,6 +287,7 @@ static void lock(cue_hearing *h, cue_track t) {
     correct(h, &t, true);
     view(h, &t);
     complete(h, &t);
+    settle_pair(h, &t); /* before the past is read */
     if (h->tracking && known.profile == t.profile) {
         double steps = cue_nearest((t.position - known.position) / (SUPER * known.ratio));
         double due = known.position + steps * SUPER * known.ratio, delay = t.position - due;
