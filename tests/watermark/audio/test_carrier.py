@@ -158,6 +158,18 @@ def test_a_silent_channel_stays_silent(silent: int) -> None:
     check(found)
 
 
+def test_sparse_sound_carries() -> None:
+    """Superframes with a quarter of their sound arrive: single words and pauses."""
+    x = host(4.6)
+    k, within = np.divmod(np.arange(len(x)), 30720)
+    x[(k % 3 == 1) & (within >= 7680)] = 0.0
+    embedder = AudioEmbedder(48000, 2, payload)
+    found = receive(np.concatenate([embedder.process(x), embedder.flush()]))
+    assert embedder.report().silent_s == ()
+    assert len(found) == 7
+    check(found)
+
+
 def test_silence_comes_out_unharmed() -> None:
     x = np.zeros((3 * 48000, 2), dtype=np.float32)
     embedder = AudioEmbedder(48000, 2, payload)
