@@ -75,17 +75,18 @@ def versions(kernel: Any) -> list[Any]:
 
 def test_pilot_kernels() -> None:
     rng = np.random.default_rng(1)
-    soft = rng.integers(-PARTS, PARTS + 1, (3, 675)).astype(np.int8)
+    soft = rng.integers(-PARTS, PARTS + 1, (3, 680)).astype(np.int8)
     shift = np.stack([np.ones(8, dtype=np.int64), rng.integers(0, 3, 8)])
     penalty = np.array([PARTS // 2, 0], dtype=np.int16)
     group = rng.integers(0, 3, 64)
     mask = rng.choice([-1, 0], 64).astype(np.int8)
-    rows = np.arange(7) + 10 * np.arange(64)[:, np.newaxis] + np.repeat(shift, 8, axis=1)[..., None]
+    frames = 10 * np.arange(64) + np.sort(rng.integers(0, 6, 64))
+    rows = np.arange(7) + frames[:, np.newaxis] + np.repeat(shift, 8, axis=1)[..., None]
     pilots = (1 + 2 * mask[:, np.newaxis].astype(np.int64)) * soft[group[:, np.newaxis], rows]
     direct = pilots.sum(axis=1) - penalty[:, np.newaxis]
     for add in versions(_search_kernels.pilot_sums):
         sums = np.empty((8, 9), dtype=np.int8)
-        add(np.pad(soft, ((0, 0), (5, 0))), 5, 10, group, mask, np.zeros_like(sums), sums)
+        add(np.pad(soft, ((0, 0), (5, 0))), 5, frames, group, mask, np.zeros_like(sums), sums)
         for find in versions(_search_kernels.drift_peaks):
             peak = np.empty(7, dtype=np.int16)
             find(sums, shift, penalty, peak)

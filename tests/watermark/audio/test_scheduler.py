@@ -14,7 +14,7 @@ from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search import _evidence_kernels
 from watermark.audio.search.channel_mixes import ECHO, find_mix
 from watermark.audio.search.evidence import Evidence
-from watermark.audio.search.hypotheses import RARELY_S, STRETCH_S, make_hypotheses
+from watermark.audio.search.hypotheses import NEAR_SPEED, RARELY_S, STRETCH_S, make_hypotheses
 from watermark.audio.search.scheduler import FIRST, SPEND, HypothesisScheduler
 from watermark.audio.search.scheduler import SAVED_S as HUNT_SAVED_S
 from watermark.audio.search.sound_ring import SoundRing
@@ -66,6 +66,15 @@ def test_what_was_read_comes_first_and_more_often() -> None:
         counts.append(sum(name == film.name for _, name, _ in found))
         assert known == (found[0][1] == film.name)
     assert counts[1] > 2 * counts[0]
+
+
+def test_near_speeds_are_looked_at_twice_in_fifteen_seconds() -> None:
+    """One look misses a fifth of them; a look takes a whole stretch of the mark."""
+    found = tries(HypothesisScheduler(2), STRETCH_S, 300.0)
+    for by in (NEAR_SPEED, -NEAR_SPEED):
+        name = f"speed {1 / (1 + by):.4f}"
+        times = np.array([time_s for time_s, one, _ in found if one == name])
+        assert (times[2:] - times[:-2]).max() + STRETCH_S < 15.0  # measured: 14.0 and 14.7
 
 
 def test_where_there_was_nothing_to_search_is_looked_again_sooner() -> None:

@@ -251,7 +251,8 @@ class HypothesisHunter:
         start, pace = stretch.first, self._nominal * guess.speed
         seen = stretch.see(self._key, guess.speed, guess.stretch_s)
         scores = [
-            search_stretch(self._key, seen, gain=gain, exact=guess.exact) for gain in guess.gains
+            search_stretch(self._key, seen, gain=gain, exact=guess.exact, speed=guess.clock)
+            for gain in guess.gains
         ]
         likely = [
             (one.best, gain)
@@ -273,7 +274,7 @@ class HypothesisHunter:
             if not self._ventures.allows(candidate.significance):
                 continue
             tried.append((position, gain))
-            sound = AssumedSound(pace, TIER_LEVELS * gain)
+            sound = AssumedSound(pace * guess.clock, TIER_LEVELS * gain)
             accepted = self._attempts.read(
                 stretch.tape, position, candidate, sound, self._ventures, delays=DELAYS[:1]
             )

@@ -46,17 +46,23 @@ def add_rows(values: Soft, starts: NDArray[np.int64], masks: Soft, count: int, t
 
 @njit(cache=True)
 def pilot_sums(
-    soft: Soft, first: int, hop: int, group: NDArray[np.int64], mask: Soft, before: Soft, sums: Soft
+    soft: Soft,
+    first: int,
+    frames: NDArray[np.int64],
+    group: NDArray[np.int64],
+    mask: Soft,
+    before: Soft,
+    sums: Soft,
 ) -> None:
     """sums[s, i] = before[s, i] + correlation of pilots in segment s if a superframe starts at i.
 
     soft[g, first:] holds the soft value at position g for each start of a frame; a segment is
-    `SEGMENT_FRAMES` frames, which lie `hop` rows apart.
+    `SEGMENT_FRAMES` frames, of which frame n begins frames[n] rows later.
     """
     values = soft.reshape(-1)
     starts = np.empty(group.size, dtype=np.int64)
     for n in range(group.size):
-        starts[n] = group[n] * soft.shape[1] + first + hop * n
+        starts[n] = group[n] * soft.shape[1] + first + frames[n]
     for s in range(group.size // SEGMENT_FRAMES):
         n, end = s * SEGMENT_FRAMES, (s + 1) * SEGMENT_FRAMES
         add_segment(values, starts[n:end], mask[n:end], before[s], sums[s])
@@ -181,7 +187,7 @@ def correlate_pilots(
     first: int,
     quanta: int,
     places: int,
-    hop: int,
+    frames: NDArray[np.int64],
     slots: NDArray[np.int64],
     masks: Soft,
     pairs: NDArray[np.int64],
@@ -214,9 +220,11 @@ def correlate_pilots(
         for n in range(pairs.shape[0]):
             if pairs[n, 0] != tier:
                 tier = pairs[n, 0]
-                pilot_sums(soft[tier], first + ahead, hop, slots[0], masks[0, 0], nothing, common)
+                pilot_sums(
+                    soft[tier], first + ahead, frames, slots[0], masks[0, 0], nothing, common
+                )
             own = masks[1, pairs[n, 1]]
-            pilot_sums(soft[tier], first + ahead, hop, slots[1], own, common, sums)
+            pilot_sums(soft[tier], first + ahead, frames, slots[1], own, common, sums)
             peak = peaks[n, now : now + places]
             drift_peaks(sums, shift, penalty, peak)
             best, top = best_sum(peak, peaks[n, :now], lag, weights, reach, best)

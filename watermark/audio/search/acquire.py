@@ -60,6 +60,11 @@ CLOCK_ERRORS_PPM = np.concatenate(
 EXACT_ERRORS_PPM = CLOCK_ERRORS_PPM[:5]
 """Those tried where the clock is thought to be right: clocks err by less than these 240 ppm."""
 
+COARSE_ERRORS_PPM = np.concatenate(
+    [[0.0], *([-ppm, ppm] for ppm in np.arange(240.0, 1561.0, 240.0))]
+)
+"""Those tried about another speed: often and in less time rather than well."""
+
 CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0
 """Correlation that a clock error must be worth, per ppm and at most: most programmes have none."""
 
@@ -111,6 +116,8 @@ class PilotCorrelator:
         Seed of the layout.
     errors : ndarray of float64, shape (n,)
         Clock errors tried, ppm.
+    speed : float
+        Samples that come for one of the mark's own, if those errors are 0.
 
     Attributes
     ----------
@@ -122,7 +129,7 @@ class PilotCorrelator:
         The first place of all, when silence stands before the first sample.
     """
 
-    def __init__(self, key: int, errors: NDArray[np.float64]) -> None:
+    def __init__(self, key: int, errors: NDArray[np.float64], speed: float = 1.0) -> None:
         pilots, self._errors = make_pilots(key), errors
         self._slots = np.ascontiguousarray(pilots.slots.T)
         signs = np.ascontiguousarray(pilots.signs.transpose(2, 0, 1))
@@ -132,6 +139,9 @@ class PilotCorrelator:
         self.pairs = np.array(pairs, dtype=np.int64)
         frame = np.arange(FRAMES_PER_SUPERFRAME)
         middle = frame.reshape(-1, SEGMENT_FRAMES).mean(axis=1)
+        # Another speed is heard as frames at other distances: within one it hardly counts.
+        self._frames = np.round(speed * ROW_HOP * frame).astype(np.int64)
+        self._lag = round(speed * PERIOD)
         drift = np.round(errors[:, np.newaxis] * 1e-6 * middle * ROW_HOP)
         slack = int(np.abs(drift).max())
         self._shift = np.ascontiguousarray(drift + slack, dtype=np.int64)
@@ -139,8 +149,8 @@ class PilotCorrelator:
         self._penalty = np.round(PARTS * penalty).astype(np.int16)
 
         self._reach = 2 * np.arange(1, len(WEIGHTS) + 1)
-        self.oldest = len(WEIGHTS) * PERIOD + int(self._reach.max())
-        span = (FRAMES_PER_SUPERFRAME - 1) * ROW_HOP
+        self.oldest = len(WEIGHTS) * self._lag + int(self._reach.max())
+        span = int(self._frames[-1])
         self.kept, self.first = span + 2 * slack, -span - slack
 
     def find(
@@ -179,8 +189,9 @@ class PilotCorrelator:
 
         weights = np.array(() if alone else WEIGHTS, dtype=np.float32)
         score, pair, place, error = _search_kernels.correlate_pilots(
-            soft, row - self.kept, quanta, PLACES, ROW_HOP, self._slots, self._masks, self.pairs,
-            self._shift, self._penalty, PERIOD, weights, self._reach, peaks, past, FLOOR,
+            soft, row - self.kept, quanta, PLACES, self._frames, self._slots, self._masks,
+            self.pairs, self._shift, self._penalty, self._lag, weights, self._reach, peaks, past,
+            FLOOR,
         )  # fmt: skip
         return None if place < 0 else (pair, float(score), place, error)
 
@@ -194,10 +205,11 @@ class PilotCorrelator:
         )
 
 
-@lru_cache(maxsize=4)
-def make_correlator(key: int, *, exact: bool = False) -> PilotCorrelator:
+@lru_cache(maxsize=8)
+def make_correlator(key: int, *, exact: bool = False, speed: float = 1.0) -> PilotCorrelator:
     """Return the correlator of a key, for all clocks or for such as are nearly right."""
-    return PilotCorrelator(key, EXACT_ERRORS_PPM if exact else CLOCK_ERRORS_PPM)
+    errors = CLOCK_ERRORS_PPM if speed == 1.0 else COARSE_ERRORS_PPM
+    return PilotCorrelator(key, EXACT_ERRORS_PPM if exact else errors, speed)
 
 
 def turns_of(phases: NDArray[np.float64] | None) -> NDArray[np.complex64]:

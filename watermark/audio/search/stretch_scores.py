@@ -90,7 +90,7 @@ def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8
 
 
 def search_stretch(
-    key: int, seen: Sight, *, gain: float = 0.0, exact: bool = False
+    key: int, seen: Sight, *, gain: float = 0.0, exact: bool = False, speed: float = 1.0
 ) -> StretchScores:
     """Score the superframes that lie whole in a stretch.
 
@@ -105,8 +105,11 @@ def search_stretch(
         Gain over all steps, in doublings.
     exact : bool
         Whether only clocks that are nearly right are tried.
+    speed : float
+        Samples that come for one of the mark's own where a clock is right: near 1, or looked at so.
     """
-    correlator, soft = make_correlator(key, exact=exact), pilot_places(key, seen, gain=gain)
+    correlator = make_correlator(key, exact=exact, speed=speed)
+    soft = pilot_places(key, seen, gain=gain)
     rows, first = soft.shape[2], correlator.kept + correlator.first
     quanta = max((rows - correlator.kept) // PLACES, 0)
     # A stretch of one superframe has none before it.
