@@ -18,9 +18,12 @@ DRAWINGS = RECORDS.parent / "figures"
 """Where their drawings are: SVG, which pages show at any size."""
 
 _ELSEWHERE = {
+    "false_locks": "tests.bench.false_locks",
     "fuzz": "tests.fuzz.night",
     "mutation": "tests.mutation",
+    "picture_peers": "tests.bench.picture_peers",
     "hearing": "tests.spec.hearing_record",
+    "hunt": "tests.bench.hunt",
     "receiver": "tests.receiver.native.record",
 }
 """What measures kinds of figures that `evaluate` does not."""

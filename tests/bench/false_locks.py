@@ -3,10 +3,11 @@
 In: sound files, each played again and again at other speeds and paces, so that no passage comes
 twice alike; out: a line of figures as the hours pass and one at the end. A new receiver takes over
 from time to time. Run: ``python -m tests.bench.false_locks --minutes 40 --random 1000000``: ends
-by itself after so much time, or after `--hours` of sound.
+by itself after so much time, or after `--hours` of sound; ``--record FILE`` for the pages.
 """
 
 import argparse
+import json
 import math
 import time
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from cuecast.evaluate.records import make_record
 from watermark.audio.receiver import AudioReceiver
 from watermark.audio.signal.profile import FS, PROFILES, STANDARD
 from watermark.audio.signal.sample_buffer import SampleBuffer
@@ -50,6 +52,7 @@ class Heard:
     locks: int = 0
     superframes: int = 0
     receivers: int = 0
+    used_s: float = 0.0
 
     def __str__(self) -> str:
         return (
@@ -106,8 +109,9 @@ def listen(paths: list[Path], seed: int) -> Iterator[Heard]:
                 receiver, left = AudioReceiver(FS, 2), round(TUNING_S * FS)
                 heard.receivers += 1
             left -= FS
-            before = receiver.locked
+            before, began = receiver.locked, time.process_time()
             found = receiver.process(sound[i : i + FS])
+            heard.used_s += time.process_time() - began
             heard.superframes += sum(s.l0 is not None for s in found)
             heard.locks += bool(found) and not before
         heard.hours += len(sound) / FS / 3600
@@ -132,15 +136,31 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=math.inf, help="of running")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--random", type=int, default=0, help="random superframes to decode first")
+    parser.add_argument("--record", type=Path)
     options = parser.parse_args()
     end, heard = time.monotonic() + 60 * options.minutes, Heard()
+    paths = sorted(options.clips.glob("*.flac"))
+    if not paths:
+        parser.error(f"{options.clips}: no FLAC files in it")
     accepted = decode_noise(options.random, options.seed)
     print(f"profiles searched: {', '.join(PROFILES)}", flush=True)
-    for heard in listen(sorted(options.clips.glob("*.flac")), options.seed):
+    for heard in listen(paths, options.seed):
         print(heard, flush=True)
         if heard.hours >= options.hours or time.monotonic() >= end:
             break
     print(f"END: {options.random} random superframes, {accepted} accepted; unmarked sound: {heard}")
+    if options.record:
+        row = {
+            "carrier": "sound", "hours": round(heard.hours, 2), "accepted": heard.superframes,
+            "times_real_time": round(3600 * heard.hours / heard.used_s, 1),
+            "random": options.random, "random_accepted": accepted,
+        }  # fmt: skip
+        document = make_record("false_locks", (), [row], seed=options.seed, clips=options.clips)
+        document["command"] = (
+            f"python -m tests.bench.false_locks --clips CLIPS --hours {options.hours:g} "
+            f"--random {options.random} --seed {options.seed} --record FILE"
+        )
+        options.record.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
 """Unmarked pictures through the search: places tried, superframes accepted, speed.
 
-    python tests/bench/picture_false_locks.py --hours 10 FILM...
+    python -m tests.bench.picture_false_locks --hours 10 FILM...
 
 Parts of the films, mirrored, shifted in brightness, faster or slower and cut differently, follow
 one another at 640x360. Then soft values without a message, which is what an unmarked picture at
 any place gives, go through the decoders of all profiles (--noise). Exit status 1 if anything was
-accepted.
+accepted; --record FILE is for the pages.
 """
 
 import argparse
+import json
 import sys
 import time
 from pathlib import Path
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cuecast.evaluate.records import make_record
 from receiver.media.picture import read_lumas
 from watermark.link.link import Link
 from watermark.video._place_kernels import resample_into
@@ -33,6 +35,7 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=10.0)
     parser.add_argument("--noise", type=int, default=1_000_000, help="superframes of noise")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--record", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     films = [[luma for _, luma in read_lumas(path)] for path in options.films]
@@ -52,6 +55,19 @@ def main() -> int:
             )
     wrong = noise(options.noise, rng)
     print(f"{options.noise} superframes of noise: {wrong} accepted")
+    if options.record:
+        row = {
+            "carrier": "picture", "hours": round(frames / FPS / 3600, 2), "accepted": accepted,
+            "times_real_time": round(frames / FPS / used_s, 1),
+            "random": options.noise, "random_accepted": wrong,
+        }  # fmt: skip
+        clips = options.films[0].parent
+        document = make_record("false_locks", (), [row], seed=options.seed, clips=clips)
+        document["command"] = (
+            f"python -m tests.bench.picture_false_locks CLIPS --hours {options.hours:g} "
+            f"--noise {options.noise} --seed {options.seed} --record FILE"
+        )
+        options.record.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return int(accepted + wrong > 0)
 
 

@@ -1,17 +1,20 @@
-"""Open image marks on a film: how many of 160 bits are wrong after coding, frame by frame.
+"""Open marks for pictures and Cuecast's on the same films: how many bits are wrong after coding.
 
     pip install --no-deps invisible-watermark blind-watermark pywavelets opencv-python-headless
     pip install --no-deps blind-video-watermark dtcwt six tqdm
-    python -m tests.bench.picture_peers FILM
+    python -m tests.bench.picture_peers FILM ... --record FILE
 
-Each of 16 frames bears the same 160 bits, as many as L0 of a superframe, and the majority of 16
-frames decides. `blind-video-watermark`, made for films, hides one of a few patterns in the colour:
-here the signs of 160 blocks of one pattern are the bits. FILM is made smaller to 640 x 360. What
-needs torch (`rivaGan`, 32 bits) is left out. Channels are those of `cuecast evaluate video`.
+Of a peer each of 16 frames bears the same 160 bits, as many as L0 of a superframe, and the majority
+of 16 frames decides; of Cuecast, that is 16 frames of 25 a second, all bits of a superframe's L0
+count as wrong if it is lost. `blind-video-watermark`, made for films, hides one of a few patterns
+in the colour: here the signs of 160 blocks of one pattern are the bits. Films are made smaller to
+640 x 360. What needs torch (`rivaGan`, 32 bits) is left out. Channels are those of
+`cuecast evaluate video`.
 """
 
 import argparse
 import importlib
+import json
 import sys
 import tempfile
 import types
@@ -19,57 +22,101 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
 from functools import partial
 from io import StringIO
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 
-from cuecast.evaluate.picture_channels import find_channel, send
+from cuecast.evaluate.picture_channels import compare, find_channel, send, vmaf
+from cuecast.evaluate.records import make_record
+from cuecast.evaluate.video import evaluate_video
 from receiver.media.picture import picture_format
 
 WIDTH, HEIGHT, FRAMES, BITS = 640, 360, 16, 160
+OWN_FRAMES = 8 * FRAMES + 2
+"""Of Cuecast: eight superframes, and the cross-fade at the end of the last."""
+
 Peer = tuple[Callable[[Any], Any], Callable[[Any], Any]]
 
 
 def main() -> None:
-    """Print a line for each peer and channel."""
+    """Print a row for each film, mark and channel."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("film", type=Path)
+    parser.add_argument("films", type=Path, nargs="+")
     parser.add_argument("--channels", default="none,h264-2M,mpeg2-4M,hqdn3d-h264-2M")
+    parser.add_argument("--record", type=Path)
     options = parser.parse_args()
-    with av.open(str(options.film)) as container:
-        frames = [
-            frame.reformat(WIDTH, HEIGHT, format="bgr24").to_ndarray()
-            for frame, _ in zip(container.decode(video=0), range(FRAMES), strict=False)
-        ]
+    channels = options.channels.split(",")
     bits = np.random.default_rng(0).integers(0, 2, BITS)
-    for name, (write, read) in peers(bits):
+    marks = dict(peers(bits))
+    rows = []
+    for film in options.films:
+        with av.open(str(film)) as container:
+            shown = zip(container.decode(video=0), range(OWN_FRAMES), strict=False)
+            frames = [f.reformat(WIDTH, HEIGHT, format="bgr24").to_ndarray() for f, _ in shown]
+        for row in chain(
+            own_rows(frames, channels), peer_rows(frames[:FRAMES], channels, marks, bits)
+        ):
+            rows.append({"clip": film.stem, **row})
+            print(", ".join(f"{name} {value}" for name, value in rows[-1].items()), flush=True)
+    if options.record:
+        document = make_record("picture_peers", (), rows, seed=0, clips=options.films[0].parent)
+        document["command"] = (
+            f"python -m tests.bench.picture_peers CLIPS --channels {options.channels} --record FILE"
+        )
+        options.record.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def own_rows(frames: list[Any], channels: list[str]) -> Iterator[dict[str, Any]]:
+    """Yield what arrives of a film marked as `dub` marks it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_film(Path(folder) / "film.mkv", frames)
+        for row in evaluate_video([path], channels, starts=1):
+            yield {
+                "mark": "cuecast", "channel": row.channel, "psnr_db": round(row.psnr_db, 1),
+                "vmaf": row.vmaf and round(row.vmaf, 1),
+                "wrong": BITS * row.l0_lost, "bits": BITS * row.superframes_sent,
+            }  # fmt: skip
+
+
+def peer_rows(
+    frames: list[Any], channels: list[str], marks: dict[str, Peer], bits: Any
+) -> Iterator[dict[str, Any]]:
+    """Yield what arrives of the bits that peers write into these frames."""
+    for name, (write, read) in marks.items():
         marked = [np.clip(write(frame.copy()), 0, 255).astype(np.uint8) for frame in frames]
-        error = np.mean([(m.astype(float) - f) ** 2 for m, f in zip(marked, frames, strict=True)])
-        psnr_db = 10 * np.log10(255**2 / error)
-        for channel in options.channels.split(","):
+        with tempfile.TemporaryDirectory() as folder:
+            original = write_film(Path(folder) / "original.mkv", frames)
+            film = write_film(Path(folder) / "film.mkv", marked)
+            psnr_db, score = compare(original, film, 8).psnr_db, vmaf(original, film)
+        for channel in channels:
             found = np.array([read(frame) for frame in through(marked, channel)])
-            single = float((found != bits).mean())
-            together = int(((found.mean(axis=0) > 0.5) != bits).sum())
-            print(
-                f"{name:29s} {psnr_db:5.1f} dB  {channel:16s} wrong in a frame {single:.3f}, "
-                f"by the majority of {FRAMES} {together} of {BITS}",
-                flush=True,
-            )
+            yield {
+                "mark": name, "channel": channel, "psnr_db": round(psnr_db, 1),
+                "vmaf": score and round(score, 1),
+                "frame_error": round(float((found != bits).mean()), 3),
+                "wrong": int(((found.mean(axis=0) > 0.5) != bits).sum()), "bits": BITS,
+            }  # fmt: skip
+
+
+def write_film(path: Path, frames: list[Any]) -> Path:
+    """Write frames without loss but for their colour, and return the path."""
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for frame in frames:
+            shown = av.VideoFrame.from_ndarray(frame, format="bgr24")
+            container.mux(stream.encode(shown.reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+    return path
 
 
 def through(frames: list[Any], channel: str) -> Iterator[Any]:
     """Yield the frames that arrive."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "marked.mkv"
-        with av.open(str(path), "w") as container:
-            stream: Any = container.add_stream("ffv1", rate=25)
-            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-            for frame in frames:
-                shown = av.VideoFrame.from_ndarray(frame, format="bgr24")
-                container.mux(stream.encode(shown.reformat(format="yuv420p")))
-            container.mux(stream.encode(None))
+        path = write_film(Path(folder) / "marked.mkv", frames)
         arrived = send(path, picture_format(path), find_channel(channel))
         with av.open(str(arrived)) as container:
             for frame in container.decode(video=0):
