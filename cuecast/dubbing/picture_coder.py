@@ -4,7 +4,6 @@ In: luma of a programme; out: the luma that came through, later by the coder's d
 embedder tries the mark. Codecs are those of PyAV.
 """
 
-import os
 import re
 from fractions import Fraction
 from typing import Any
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import chains_of
 from cuecast.dubbing.denoiser import Denoiser
+from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from receiver.media.picture import luma_of
 from watermark.video.codec_loop import TriedChannel
 from watermark.video.coder_trial import PictureCoder
@@ -31,7 +31,7 @@ _ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
     "h264": ("libx264", {"preset": "veryfast"}, "h264"),
     "hevc": ("libx265", {"preset": "veryfast"}, "hevc"),
     "mpeg2": ("mpeg2video", {"bf": "2"}, "mpeg2video"),
-    "av1": ("libsvtav1", {"preset": "10"}, "libdav1d"),
+    "av1": (SVT_AV1, {"preset": "10"}, "libdav1d"),
     "vp9": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "6"}, "vp9"),
 }
 """Encoder, its options and the decoder of each name."""
@@ -97,7 +97,8 @@ class PictureStream:
             encoder.bit_rate, encoder.gop_size = rate, round(fps)
             encoder.thread_count = 1
             encoder.options = options | _limits(name, rate)
-            encoder.open()
+            with priorities_kept():
+                encoder.open()
             self._decoder: Any = av.CodecContext.create(decoder, "r")
             self._decoder.thread_count = 1
         except (av.FFmpegError, ValueError) as error:
@@ -130,8 +131,7 @@ class PictureStream:
 
 def _limits(encoder: str, rate: int) -> dict[str, str]:
     """Return the options that hold a rate over one second, as on air."""
-    if encoder == "libsvtav1":
-        os.environ.setdefault("SVT_LOG", "1")
+    if encoder == SVT_AV1:
         return {"svtav1-params": "lp=1"}
     if encoder == "libx265":
         kilobits = rate // 1000

@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from receiver.media.picture import LONGEST_HOLD_S, Luma, PictureDecoder, PictureFormat, luma_of
 from receiver.media.programme import Programme, open_programme, reason
 
 _ENCODERS = {
     "h264": "libx264",
     "hevc": "libx265",
-    "av1": "libsvtav1",
-    "libdav1d": "libsvtav1",
+    "av1": SVT_AV1,
+    "libdav1d": SVT_AV1,
     "vp9": "libvpx-vp9",
     "vp8": "libvpx",
 }
@@ -181,9 +182,8 @@ class _PictureWriter:
         context.gop_size = gop or round(form.fps)
         context.bit_rate = bit_rate
         limits = {"maxrate": str(bit_rate), "bufsize": str(bit_rate)}
-        if self._encoder.codec.name == "libsvtav1":
+        if self._encoder.codec.name == SVT_AV1:
             limits = {}
-            os.environ.setdefault("SVT_LOG", "1")  # it would tell its life on the standard error
         if self._encoder.codec.name == "libx265":
             kilobits = bit_rate // 1000
             limits = {
@@ -196,6 +196,8 @@ class _PictureWriter:
         self, stages: list[PictureStage], frames: int | None, progress: Callable[[float], None]
     ) -> None:
         """Copy, change, encode to the end or `frames`."""
+        with priorities_kept():
+            self._output.start_encoding()
         for packet in chain(self._programme.packets(), [None]):
             if packet is not None and packet.stream is not self._picture:
                 self._copies.write(packet)
