@@ -7,7 +7,7 @@ spec/video-carrier.md, section 6.
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.borders import TRUST, BorderClock
-from watermark.video.demodulate import LAG_MOTION, LAGS, Soft, soft_bits, without_lag
+from watermark.video.demodulate import FLAT, LAG_MOTION, LAGS, Soft, soft_bits, without_lag
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
 from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY, VideoProfile
@@ -50,8 +50,12 @@ LAG_FRAMES = 2
 """Frames at the end of a window, and before it, whose difference shows how much a picture with a
 lag still changes."""
 
-LAG_ATTEMPTS = 3
-"""Readings without the lag that are tried, those with the best agreement of the pilots."""
+FLAT_BEGINS = 0.5, 0.75
+"""Where in a window flat cells are also taken from: coders and cleaners leave them longest as they
+were, while textured ones show the new pattern at once, and their whole window is less noisy."""
+
+LAG_ATTEMPTS = 4
+"""Readings of a picture with a lag that are tried, those with the best agreement of the pilots."""
 
 LIST, LONG_LIST = 8, 32
 """Paths of a decoder's list, and in these readings: they come last, and there are few."""
@@ -62,6 +66,28 @@ flat cells for seconds, and every second superframe its pilots agree."""
 
 LATES = 1
 """Late superframes in a row that are read so; of more, it is rather the picture that is late."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """How the frames of a window become one mean.
+
+    Attributes
+    ----------
+    part : tuple of int, optional
+        First frame that counts, and the one after the last; None for the window.
+    flat : tuple of int, optional
+        The same for flat cells alone.
+    lag : float
+        Lag that is taken back, see `without_lag`.
+    """
+
+    part: tuple[int, int] | None = None
+    flat: tuple[int, int] | None = None
+    lag: float = 0.0
+
+
+PLAIN = _Reading()
 
 
 class VideoTracker:
@@ -112,6 +138,11 @@ class VideoTracker:
         self._newest_place = 0.0
         self._read: deque[bytes] = deque(maxlen=REMEMBERED)
         self._lates = 0
+        window = self._timing.window
+        ends = window, window + self._guard
+        parts = [(round(begin * window), end) for begin in FLAT_BEGINS for end in ends]
+        self._lagged = [_Reading(lag=lag) for lag in LAGS]
+        self._lagged += [_Reading(flat=part, lag=lag) for part in parts for lag in (0.0, *LAGS)]
         self._misses = 0
         self._mode = 0
         self.errors = self.known = 0
@@ -285,7 +316,7 @@ class VideoTracker:
             signed = self._watch.signed_agreement(mean, texture)[number]
             agreement.append(signed * (1 - 2 * parity))
         begin, end = parts[int(np.argmax(agreement))]
-        soft, decoded = self._decode(start, number, (round(begin * window), end))
+        soft, decoded = self._decode(start, number, _Reading((round(begin * window), end)))
         return [(0, soft, decoded, True)] if soft.parity == parity else []
 
     def _parity(self, start: int) -> int | None:
@@ -296,29 +327,28 @@ class VideoTracker:
         return (self._newest[0] + away) % 2
 
     def _lagging(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
-        """Decode a window close by as if each picture had been mixed with the one before."""
+        """Decode a window close by as if pictures, or flat cells alone, lagged behind."""
         positions, cells = self._watch.positions, self._pilot_cells
         plain, parity = self._agreement[self._guard][number], self._parity(start)
-        readings = []
-        for offset in (0, -1, 1):
-            texture = self._texture(start + offset)[cells]
-            mean = self._values(start + offset).mean(axis=0)[positions]
-            rise = self._rise(start + offset)[positions]
-            for lag in LAGS:
-                sharp = without_lag(mean, rise, texture, lag)
-                readings.append((self._watch.agreement(sharp, texture)[number], offset, lag))
-        best = [each for each in sorted(readings, reverse=True) if each[0] > plain][:LAG_ATTEMPTS]
+        ranked = []
+        for offset, (n, reading) in product((0, -1, 1), enumerate(self._lagged)):
+            mean, _, texture = self._mean(start + offset, reading)
+            signed = self._watch.signed_agreement(mean[positions], texture[cells])[number]
+            agreement = abs(signed) if parity is None else signed * (1 - 2 * parity)
+            ranked.append((agreement, offset, n))
+        best = [each for each in sorted(ranked, reverse=True) if each[0] > plain][:LAG_ATTEMPTS]
         return [
-            (offset, *self._decode(start + offset, number, lag=lag, parity=parity), False)
-            for _, offset, lag in best
+            (offset, *self._decode(start + offset, number, self._lagged[n], parity=parity), False)
+            for _, offset, n in best
         ]
 
     def _values(self, start: int, part: tuple[int, int] | None = None) -> FloatArray:
         """Amplitudes in a window, or in these frames of it, shape (frames, POSITIONS)."""
         first = start - (self._count - len(self._frames))
         frames = range(*(part or (0, self._timing.window)))
-        # A picture's first frame stands for those before it.
-        return np.array([self._frames[max(0, first + n)] for n in frames])
+        # A picture's first frame stands for those before it, the newest for those to come.
+        newest = len(self._frames) - 1
+        return np.array([self._frames[min(max(0, first + n), newest)] for n in frames])
 
     def _rise(self, start: int) -> FloatArray:
         """By how much amplitudes at a window's end are above those before it."""
@@ -328,25 +358,31 @@ class VideoTracker:
             self._values(start, last).mean(axis=0) - self._values(start, before).mean(axis=0)
         )
 
-    def _decode(
-        self,
-        start: int,
-        number: int,
-        part: tuple[int, int] | None = None,
-        *,
-        lag: float = 0.0,
-        parity: int | None = None,
-    ) -> tuple[Soft, Decoded]:
-        """Decode a window, or these frames of it, or the window without a lag."""
-        mode = self._watch.modes[number]
-        values = self._values(start, part)
-        mean, variance, texture = values.mean(axis=0), values.var(axis=0), self._texture(start)
-        if lag:
-            mean = without_lag(mean, self._rise(start), np.tile(texture, TEMPLATES), lag)
+    def _mean(self, start: int, reading: _Reading) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean of each amplitude in a window, its variance there, and the texture of each cell."""
+        values, texture = self._values(start, reading.part), self._texture(start)
+        mean, variance = values.mean(axis=0), values.var(axis=0)
+        textures, left = np.tile(texture, TEMPLATES), 1.0
+        if reading.flat:
+            late = self._values(start, reading.flat).mean(axis=0)
+            mean = np.where(textures < FLAT, late, mean)
+            # What is left of the pattern before fades in the course of the window.
+            left = 1 - reading.flat[0] / self._timing.window
+        if reading.lag:
+            mean = without_lag(mean, left * self._rise(start), textures, reading.lag)
             variance *= LAG_MOTION
+        return mean, variance, texture
+
+    def _decode(
+        self, start: int, number: int, reading: _Reading = PLAIN, *, parity: int | None = None
+    ) -> tuple[Soft, Decoded]:
+        """Decode a window, read in one way or another."""
+        mode = self._watch.modes[number]
+        mean, variance, texture = self._mean(start, reading)
         soft = soft_bits(mean, variance, mode, texture, parity)
         soft.ratios[~self._seen[mode.layout.data]] = 0.0
-        decoded = mode.link.decode(soft.ratios, list_size=LONG_LIST if lag else LIST)
+        size = LONG_LIST if reading in self._lagged else LIST
+        decoded = mode.link.decode(soft.ratios, list_size=size)
         shown = None if parity is not None or soft.agreement < THRESHOLD else soft.parity
         if self._is_old(start, decoded.l0, shown):
             # Coders, cleaners and frozen pictures show a pattern on.

@@ -131,6 +131,24 @@ def test_cleaner_with_a_memory() -> None:
     assert {give(k)[0] for k in range(1, 5)} <= {s.l0 for s in found}
 
 
+def test_flat_cells_that_are_shown_on() -> None:
+    """A coder refreshes flat cells late in a superframe; those with texture have too much noise."""
+    give, rng = source("standard"), np.random.default_rng(0)
+    flat, late = int(0.9 * WIDTH), 12
+    ground = np.full((HEIGHT, WIDTH), 120.0)
+    blocks = rng.normal(0, 12, (HEIGHT // 2, (WIDTH - flat) // 2))
+    ground[:, flat:] += blocks.repeat(2, axis=0).repeat(2, axis=1)
+    frame = np.clip(ground, 0, 255).astype(np.uint8)
+    marked = mark([frame] * 112, VideoEmbedder(WIDTH, HEIGHT, 25, give))
+    shown = []
+    for n, each in enumerate(marked):
+        out = each + rng.normal(0, 40, each.shape)
+        out[:, :flat] = marked[max(0, (n - late) // 16 * 16 + late)][:, :flat]
+        shown.append(np.clip(out, 0, 255).round().astype(np.uint8))
+    found = receive(shown, VideoReceiver(WIDTH, HEIGHT, 25))
+    assert {give(k)[0] for k in range(7)} <= {s.l0 for s in found}
+
+
 def test_tuning_in_anywhere() -> None:
     give = source("standard")
     marked = mark([picture(n) for n in range(80)], VideoEmbedder(WIDTH, HEIGHT, 25, give))
