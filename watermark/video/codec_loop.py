@@ -141,7 +141,7 @@ class PictureLoop:
             choice = np.random.default_rng(design.place).choice(len(TRIED), POSITIONS, p=ODDS)
             tried = [Strength(rung, share, share) for rung, share in TRIED]
             moves = design.mixed(self._modes, tried, choice)
-            self._writer.add_pattern(self._painter.paint(moves, ~design.textured))
+            self._writer.add_pattern(self._painter.paint(moves, design.smooth))
             self._places.append(design.place)
             for trial in self._trials:
                 trial.expect(design, choice)

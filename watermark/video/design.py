@@ -21,6 +21,11 @@ SMALL_CELL = 80.0
 block of a coder, MPEG-2 at 4 Mbit/s takes a quarter of the fine bits otherwise."""
 
 
+SMOOTH = 0.5
+"""Texture in luma of 8 bits up to which the pattern has to show no lattice of cells: more hides it
+even in a frame at eight times its contrast."""
+
+
 @dataclass(frozen=True, slots=True)
 class Strength:
     """How strongly a superframe is marked.
@@ -91,6 +96,11 @@ class Design:
     def textured(self) -> NDArray[np.bool_]:
         """Cells with the coarse step, shape (ROWS, COLUMNS)."""
         return self.texture > TEXTURE
+
+    @property
+    def smooth(self) -> NDArray[np.bool_]:
+        """Cells where nothing hides a lattice, shape (ROWS, COLUMNS)."""
+        return self.texture <= SMOOTH
 
     def moves(self, modes: Sequence[Mode], strength: Strength) -> FloatArray:
         """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS).

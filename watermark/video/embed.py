@@ -226,4 +226,4 @@ class VideoEmbedder:
         self._steps[strength.rung] += 1
         design = self._designs.popleft()
         moves = design.moves(self._modes, strength)
-        self._writer.add_pattern(self._painter.paint(moves, ~design.textured))
+        self._writer.add_pattern(self._painter.paint(moves, design.smooth))

@@ -2,10 +2,10 @@
 
 Receivers measure no more of a pattern than its projections onto the templates, so an embedder may
 add anything else that they do not see. Templates alone leave all borders of cells unmarked: a
-lattice, where nothing hides it. In flat cells the pattern is therefore a sum of blurred templates,
-which overlap, with the amplitudes that have the projections asked for: interpolation by a smooth
-kernel (Wahba, "Spline models for observational data", 1990) instead of the least energy. In
-textured cells templates are left as they are: there the blur costs more quality than the lattice.
+lattice, where nothing hides it. In smooth cells the pattern is therefore a sum of blurred
+templates, which overlap, with the amplitudes that have the projections asked for: interpolation by
+a smooth kernel (Wahba, "Spline models for observational data", 1990) instead of the least energy.
+In other cells templates are left as they are: there the blur costs more quality than the lattice.
 Specification: spec/video-carrier.md, sections 3 and 4.
 """
 
@@ -70,14 +70,14 @@ class Painter:
         own = np.einsum("kkr,kkc->krc", self._gain_down[:, :, 1], self._gain_across[:, :, 1])
         self._length = STRIDE / own
 
-    def paint(self, amplitude: FloatArray, flat: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def paint(self, amplitude: FloatArray, smooth: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Paint a pattern.
 
         Parameters
         ----------
         amplitude : ndarray of float64, shape (TEMPLATES, ROWS, COLUMNS)
             Its projections onto the templates.
-        flat : ndarray of bool, shape (ROWS, COLUMNS)
+        smooth : ndarray of bool, shape (ROWS, COLUMNS)
             Cells without texture that could hide a lattice.
 
         Returns
@@ -88,7 +88,7 @@ class Painter:
         wide = np.zeros((TEMPLATES, ROWS + 2, COLUMNS + 2))  # no cells around the picture
         inner = wide[:, 1:-1, 1:-1]
         near = np.lib.stride_tricks.sliding_window_view(wide, (3, 3), axis=(1, 2))
-        length = np.where(flat, self._length, 0.0)
+        length = np.where(smooth, self._length, 0.0)
         left = scaled
         for _ in range(ROUNDS):
             inner += length * left
@@ -96,9 +96,9 @@ class Painter:
                 "klir,lrcij,kljc->krc", self._gain_down, near, self._gain_across
             )
         out = np.empty(self.shape, dtype=np.float32)
-        # Textured cells also take back what blurred templates beside them bring in.
+        # Other cells also take back what blurred templates beside them bring in.
         _kernels.paint_into(
-            np.where(flat, 0.0, left), wide, self._across, self._down, self._wide_across,
+            np.where(smooth, 0.0, left), wide, self._across, self._down, self._wide_across,
             self._wide_down, self._columns, self._rows, out,
         )  # fmt: skip
         return out
