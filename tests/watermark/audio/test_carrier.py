@@ -6,10 +6,11 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.design import pre_echoing
-from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.embed.design import HIGHEST_LEVEL, pre_echoing
+from watermark.audio.embed.embedder import AudioEmbedder, _bounded
 from watermark.audio.receiver import MAX_MISSES, AudioReceiver
 from watermark.audio.search.sliding_search import PilotSearch
+from watermark.audio.signal.profile import LEVELS
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.superframe import SUPERFRAME_S, ReceivedSuperframe
 
@@ -220,3 +221,21 @@ def test_nothing_is_written_before_an_attack() -> None:
     blow = np.full(480 * 8, 1e-3) * np.resize([1.0, -1.0], 480 * 8)
     blow[480 * 4 + 200 :] *= 30
     assert pre_echoing(blow).tolist() == [False, False, True, True, False, False]
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+def test_above_the_last_step_more_of_the_error_is_removed(channels: int) -> None:
+    x, last = host(3.0, channels=channels), len(LEVELS) - 1
+
+    def confidence(level: float) -> float:
+        embedder = AudioEmbedder(48000, channels, payload, level=int(level))
+        found = receive(np.concatenate([embedder.process(x), embedder.flush()]))
+        check(found)
+        return float(np.median([superframe.confidence for superframe in found]))
+
+    assert confidence(last) < 0.8
+    assert confidence(HIGHEST_LEVEL) > 0.9
+    # Only where the whole passage stands so high: not a single superframe that needs much.
+    assert _bounded(last + 1.5, last - 4.0) == last
+    assert _bounded(last + 1.5, last + 1.0) == last + 1.0
+    assert _bounded(last + 9.0, last + 4.0) == HIGHEST_LEVEL

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.embed.design import HostSpectra
+from watermark.audio.embed.design import HostSpectra, nearest_level
 from watermark.audio.embed.stereo_design import StereoDesigner
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
@@ -277,7 +277,7 @@ class CodecLoop:
         cells = demodulator.layout.cells
         places = demodulator.places if sent.apart else None
         view = read_view(ear.heard, sent.start + (ear.delay or 0), 1.0, self._masker, places)
-        soft = view.soft(cells, demodulator.profile.step(round(sent.level)))
+        soft = view.soft(cells, demodulator.profile.step(nearest_level(sent.level)))
         bits = demodulator.link.encode(*sent.payload)
         agreement = soft * demodulator.layout.spread(1.0 - 2.0 * bits)
         known = np.maximum((agreement != 0).sum(axis=0), 1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
-from watermark.audio.embed.design import HostSpectra, MarkDesigner
+from watermark.audio.embed.design import HIGHEST_LEVEL, HostSpectra, MarkDesigner
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.multichannel import MarkShares
 from watermark.audio.embed.report import EmbedReport, SuperframeMargin
@@ -311,7 +311,9 @@ class AudioEmbedder:
                         levels = [
                             plain
                             if least is None
-                            else _level(least + above + spare * max(plain - least - above, 0.0))
+                            else _bounded(
+                                least + above + spare * max(plain - least - above, 0.0), base
+                            )
                             for plain, least in zip(levels, enough, strict=True)
                         ]
                 # Loud passages have the highest level, soft ones the lowest, at many bases.
@@ -480,8 +482,16 @@ class AudioEmbedder:
 
 def _level(base: float, need: float = NEUTRAL_NEED) -> float:
     """Level of a superframe at a base level."""
-    level = base + EQUALISATION * (need - NEUTRAL_NEED)
-    return min(max(level, 0.0), len(LEVELS) - 1.0)
+    return _bounded(base + EQUALISATION * (need - NEUTRAL_NEED), base)
+
+
+def _bounded(level: float, base: float) -> float:
+    """Level within those that a superframe may have: above the last step where the base is, too.
+
+    There the grade leaves room to all; a single one that needs more is heard more than it gains.
+    """
+    highest = min(max(base, len(LEVELS) - 1.0), HIGHEST_LEVEL)
+    return min(max(level, 0.0), highest)
 
 
 def _spans(superframes: list[int]) -> tuple[tuple[float, float], ...]:

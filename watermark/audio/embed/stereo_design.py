@@ -17,6 +17,8 @@ from watermark.audio.embed.design import (
     HostSpectra,
     MarkDesigner,
     MarkedSuperframe,
+    nearest_level,
+    share_of,
 )
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.dither import mark_change
@@ -109,7 +111,7 @@ class StereoDesigner(MarkDesigner):
         Return with them the share of the cells that can carry.
         """
         cells = self._layout.cells
-        step, alpha = self._profile.step(round(level)), self._alpha * share_of(level)
+        step, alpha = self._profile.step(nearest_level(level)), self._alpha * share_of(level)
         mid, _ = mark_change(coefficients[MID], units[MID], cells, wanted, step=step, alpha=alpha)
         mine, living = mark_change(*own, cells, wanted, step=step, alpha=alpha)
         # What the other channel would have to do for the mid to be written, too.
@@ -136,7 +138,7 @@ class StereoDesigner(MarkDesigner):
     ) -> NDArray[np.float32]:
         """Find the changes of mid and side that write the pilots, shape (2, 64, bins)."""
         cells = self._pilots.cells
-        step = self._profile.pilot_step(round(level))
+        step = self._profile.pilot_step(nearest_level(level))
         alpha = self._pilot_alpha * share_of(level)
 
         def change(x: NDArray[np.float32], unit: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -159,11 +161,6 @@ class StereoDesigner(MarkDesigner):
 def leaning_of(number: int) -> int:
     """Towards where the pilots of a superframe lean."""
     return {0: LEFT, LEANING_PERIOD // 2: RIGHT}.get(number % LEANING_PERIOD, MID)
-
-
-def share_of(level: float) -> np.float32:
-    """Part of alpha that makes up for the step of the nearest whole level."""
-    return np.float32(2 ** ((level - round(level)) / 4))
 
 
 def _across(units: NDArray[np.float32]) -> NDArray[np.float32]:
