@@ -100,7 +100,7 @@ class AudioReceiver:
         self._attempts = CandidateReader(key, self._nominal, self._reader)
         self._ring = SoundRing(channels, self._nominal)
         self._mix = usual_mix(channels)
-        self._tape, self._now = StereoBuffer(), 0
+        self._tape, self._now = StereoBuffer(kind=np.float32), 0
         self._follower = TrackFollower(fs, self._nominal, self._reader, self._purse)
         self._recurrences = Recurrences()
         self._start_search(0.0)
@@ -144,7 +144,7 @@ class AudioReceiver:
         -------
         list of ReceivedSuperframe
         """
-        x = checked_block(block, self._channels)
+        x = checked_block(block, self._channels, np.float32)
         self._ring.append(x)
         found: list[ReceivedSuperframe] = []
         while self._now + self._quantum <= self._ring.end:
@@ -195,7 +195,7 @@ class AudioReceiver:
     def _use(self, mix: ChannelMix) -> None:
         """Listen to a mix from here on, and in all of memory."""
         if mix != self._mix or self._tape.first > self._ring.first:
-            self._mix, self._tape = mix, StereoBuffer(self._ring.first)
+            self._mix, self._tape = mix, StereoBuffer(self._ring.first, np.float32)
             self._ring.extend(self._tape, self._mix, self._now)
 
     def _next_candidate(self) -> Candidate | None:

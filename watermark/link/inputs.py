@@ -1,7 +1,7 @@
 """Samples and payloads as they come in from outside, checked."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,14 +51,16 @@ def checked_payload(
     )
 
 
-def checked_block(block: ArrayLike, channels: int) -> NDArray[np.float64]:
-    """Return a block of samples as float64.
+def checked_block(block: ArrayLike, channels: int, kind: type[Any] = np.float64) -> NDArray[Any]:
+    """Return a block of samples in a precision.
 
     Parameters
     ----------
     block : array_like of float, shape (n, channels)
         Full scale 1; any n.
     channels : int
+    kind : type
+        The precision.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def checked_block(block: ArrayLike, channels: int) -> NDArray[np.float64]:
     if x.ndim != 2 or x.shape[1] != channels:
         hint = ": add an axis, block[:, None]" if x.ndim == 1 and channels == 1 else ""
         raise CueError(f"block of shape {x.shape}, expected (n, {channels}){hint}")
-    y = x.astype(np.float64)
+    y = x.astype(kind)
     if not np.isfinite(y).all():
         raise CueError("samples are not finite: a sum or a division went wrong before")
     return y

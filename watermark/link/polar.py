@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from watermark.link import _kernels
 
 BELIEF_ROUNDS = 8
 """Rounds of belief propagation: near the limit of decoding further ones change nothing."""
@@ -51,8 +52,6 @@ class PolarCode:
 
     def encode(self, bits: NDArray[np.int64]) -> NDArray[np.int64]:
         """Coded bits, shape (length,), of message bits, shape (message,)."""
-        from watermark.link import _kernels
-
         x = np.zeros(self.frozen.size, dtype=np.int64)
         x[self.frozen == 0] = bits
         _kernels.polar_transform(x)
@@ -101,8 +100,6 @@ class PolarCode:
         Those whose codeword's correlation with the ratios is below `least` are left out, as soon as
         the decoder knows it.
         """
-        from watermark.link import _kernels
-
         size = self.frozen.size
         mother = np.zeros(-(-self.length // size) * size)
         mother[: self.length] = llr
@@ -135,8 +132,6 @@ class PolarCode:
         >>> bool(code.beliefs(erased)[7] * llr[7] > 2.9)
         True
         """
-        from watermark.link import _kernels
-
         size = self.frozen.size
         mother = np.zeros(-(-self.length // size) * size)
         mother[: self.length] = llr

@@ -230,3 +230,25 @@ def phase_scores(
                     part = own.real * turns[i].real - own.imag * turns[i].imag
                     value = cosine_of_turns(harmonic * (part - dither[g]))
                     table[band[g], i] += weight[t, g] * value
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def agreements(
+    projections: NDArray[np.float64],
+    alive: NDArray[np.bool_],
+    dither: NDArray[np.float64],
+    scales: NDArray[np.float64],
+    expected: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """sums[i] = sum over t, g of expected[t, g] times the soft value at scales[i].
+
+    See `watermark.audio.signal._kernels.soft_cells`.
+    """
+    for i in range(scales.size):
+        total, scale = 0.0, scales[i]
+        for t in range(expected.shape[0]):
+            for g in range(dither.size):
+                value = cosine_of_turns(projections[t, g] * scale - dither[g])
+                total += expected[t, g] * value if alive[t, g] else 0.0
+        sums[i] = total

@@ -11,13 +11,14 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _clue_kernels, _kernels
 from watermark.audio.signal.channel_choice import ChannelChoice
 from watermark.audio.signal.dither import soft_values
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import lapping
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP, PROFILES, SUPERFRAME
-from watermark.audio.signal.required_level import coder_noise
+from watermark.audio.signal.required_level import band_noise
 from watermark.audio.signal.sample_buffer import SampleBuffer, StereoBuffer
 
 CLUES = 3
@@ -75,17 +76,22 @@ class SuperframeView:
             The noise in units of the cell's; all less the mean over the frames at each cell
             position, and no farther than `CLUE_LIMIT` from it.
         """
-        cut, shape = slice(cells.first_bin, cells.last_bin), (-1, cells.dither.size, cells.bins)
-        unit = self.amplitudes[:, cut].reshape(shape).mean(axis=2)
-        strength = 2 * np.log(np.maximum(unit, 1e-7))
-        power = 0.5 * (self.spectra.real**2 + self.spectra.imag**2)
-        frame = np.log(2 * power.sum(axis=1) + 1e-12)
-        noise = coder_noise([power], masker, CODER_BITS)
-        pressed = np.repeat(noise, np.diff(masker.edges), axis=1)[:, cut]
-        pressed = np.log(pressed.reshape(shape).mean(axis=2)) - strength
-        clues = np.stack([strength, np.broadcast_to(frame[:, np.newaxis], unit.shape), pressed])
-        clues -= clues.mean(axis=1, keepdims=True)
-        return np.asarray(np.clip(clues, -CLUE_LIMIT, CLUE_LIMIT))
+        spectra = np.asarray(self.spectra, dtype=np.complex64)
+        amplitudes = np.asarray(self.amplitudes, dtype=np.float32)
+        power = np.empty(spectra.shape, dtype=np.float32)
+        energy, total = np.empty((len(power), masker.edges.size - 1)), np.empty(len(power))
+        _clue_kernels.bin_powers(spectra, masker.edges, power, energy, total)
+        noise = band_noise([power], [energy], masker, CODER_BITS)
+        clues = np.empty((CLUES, len(power), cells.dither.size))
+        _clue_kernels.cell_means(
+            amplitudes, noise, masker.edges, cells.first_bin, cells.bins, clues
+        )
+        np.log(clues[::2], out=clues[::2])
+        clues[0] *= 2
+        clues[1] = np.log(2 * total + 1e-12)[:, np.newaxis]
+        clues[2] -= clues[0]
+        _clue_kernels.centre_clues(clues, CLUE_LIMIT)
+        return clues
 
     def errors(self, cells: Cells, step: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Places of cells on the lattice of bit 0 in steps, and whether they carry.
@@ -103,10 +109,17 @@ class SuperframeView:
             self._soft[key] = soft_values(*self._project(cells), cells, step)
         return self._soft[key]
 
+    def agreements(
+        self, cells: Cells, steps: list[float], expected: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return sums of soft values at some steps, each times its expectation, shape (steps,)."""
+        sums = np.empty(len(steps))
+        scales = 1.0 / np.array(steps)
+        _kernels.agreements(*self._project(cells), cells.dither, scales, expected, sums)
+        return sums
+
     def _project(self, cells: Cells) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         if id(cells) not in self._projected:
-            from watermark.audio.follow import _kernels
-
             shape = len(self.spectra), cells.dither.size
             projections, alive = np.empty(shape), np.empty(shape, dtype=np.bool_)
             _kernels.project_cells(
@@ -153,8 +166,6 @@ def thresholds_of(
     mid: NDArray[np.complex64], side: NDArray[np.complex64], masker: Masker
 ) -> NDArray[np.float64]:
     """Masking thresholds of mid, left and right, shape (3, T, bands); of the mid without a side."""
-    from watermark.audio.follow import _kernels
-
     energies = np.zeros((3 if side.size else 1, len(mid), masker.edges.size - 1))
     _kernels.band_energies(mid, side, masker.edges, energies)
     return masker.shaped(energies)
@@ -171,8 +182,6 @@ def choose(
 
     `units` are those of the bands of each channel, `bins` numbers of channels, shape (T, HOP).
     """
-    from watermark.audio.follow import _kernels
-
     spectra, amplitudes = np.empty_like(mid), np.empty(mid.shape, dtype=np.float32)
     _kernels.choose_bins(mid, side, units, masker.edges, bins, spectra, amplitudes)
     return spectra, amplitudes
@@ -202,8 +211,6 @@ def _spectra(
         sound = tape.read(first, ratio, SUPERFRAME + 2 * HOP)
     if not sound.any():
         return np.zeros((number.size, HOP), dtype=np.complex64)
-    from watermark.audio.follow import _kernels
-
     frames = np.empty((number.size, 2 * HOP), dtype=np.float32)
     _kernels.cut_frames(sound, starts, frames)
     own, following = lapping(HOP, "complex64")

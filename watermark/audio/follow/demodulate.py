@@ -116,12 +116,12 @@ class Demodulator:
         A gain that moved all levels by `offset` may have moved them beyond those that are written:
         where pilots fit best at such a tier, its levels come first.
         """
-        tiers, own = len(LEVELS) // TIER_LEVELS, set(range(len(LEVELS) // TIER_LEVELS))
-        scores: dict[int, float] = {}
-        for tier in range(-SPARE_TIERS, tiers + SPARE_TIERS):
-            step = self.profile.pilot_step(0) * 2 ** (tier + offset / TIER_LEVELS)
-            soft = view.soft(self._pilots.cells, step)
-            scores[tier] = float((soft * self._announced).sum())
+        own = range(len(LEVELS) // TIER_LEVELS)
+        tiers = range(-SPARE_TIERS, len(own) + SPARE_TIERS)
+        lowest = self.profile.pilot_step(0)
+        steps = [lowest * 2 ** (tier + offset / TIER_LEVELS) for tier in tiers]
+        sums = view.agreements(self._pilots.cells, steps, self._announced)
+        scores = dict(zip(tiers, sums.tolist(), strict=True))
         ranked = sorted(scores, key=lambda tier: -scores[tier])
         chosen = [tier for tier in ranked if tier in own][: TRIED_LEVELS // TIER_LEVELS]
         if ranked[0] not in own:
@@ -228,10 +228,8 @@ class Demodulator:
         def soft(level: float) -> NDArray[np.float64]:
             return reading.view.soft(self.layout.cells, self.profile.step(level))
 
-        best = max(
-            (reading.level + change for change in (0, -2, -1, 1, 2)),
-            key=lambda level: float((soft(level) * expected).sum()),
-        )
+        levels = [reading.level + change for change in (0, -2, -1, 1, 2)]
+        best = levels[int(self._agreements(reading, levels).argmax())]
         if best == reading.level:
             return reading
         ratios = soft(best) * self._local(soft(best), expected)
@@ -282,15 +280,16 @@ class Demodulator:
 
     def gain_change(self, reading: SuperframeReading) -> float:
         """Levels by which the gain seems to have changed, from the decoded bits."""
-        expected = self.expected(reading.decoded)
-        fits = []
-        for change in (-GAIN_TRIAL, 0.0, GAIN_TRIAL):
-            step = self.profile.step(reading.level + change)
-            fits.append(float((reading.view.soft(self.layout.cells, step) * expected).sum()))
-        below, here, above = fits
+        levels = [reading.level + change for change in (-GAIN_TRIAL, 0.0, GAIN_TRIAL)]
+        below, here, above = self._agreements(reading, levels)
         if max(below, above) <= GAIN_WORTH * here:
             return 0.0
         return -GAIN_TRIAL if below > above else GAIN_TRIAL
+
+    def _agreements(self, reading: SuperframeReading, levels: list[float]) -> NDArray[np.float64]:
+        """Return sums of soft values at levels, each times the decoded bit, shape (levels,)."""
+        steps = [self.profile.step(level) for level in levels]
+        return reading.view.agreements(self.layout.cells, steps, self.expected(reading.decoded))
 
     def learn(self, reading: SuperframeReading) -> None:
         """Let a decoded superframe teach how far cells can be trusted."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _kernels
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.profile import FIRST_PILOT_BIN, HOP, PILOT_BINS
@@ -81,8 +82,6 @@ def score_phases(view: SuperframeView, known: KnownCells, bands: int) -> Table:
     harmonic = 2 if known.expected is None else 1
     shape = len(view.spectra), cells.dither.size
     weight = np.full(shape, BLIND_TRUST) if known.expected is None else known.expected
-    from watermark.audio.follow import _kernels
-
     projections = np.empty(shape, dtype=np.complex128)
     _kernels.project_phases(
         np.asarray(view.spectra, dtype=np.complex64),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _kernels
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, HOP
@@ -117,8 +118,6 @@ class _Score:
 
     def __call__(self, delays: NDArray[np.float64], *drifts_ppm: float) -> NDArray[np.float64]:
         """Scores of some delays at some drifts, shape (delays, drifts)."""
-        from watermark.audio.follow import _kernels
-
         cells = self._cells
         frequency = np.pi / HOP * (np.arange(cells.first_bin, cells.last_bin) + 0.5)
         turn = np.exp(1j * np.outer(frequency, delays))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _path_kernels
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.profile import HOP
 
@@ -53,8 +54,6 @@ class PlaceProjections:
 
         The second place of a row is that of the spectrum `step` later.
         """
-        from watermark.audio.follow import _path_kernels
-
         used = units[:, cells.first_bin : cells.last_bin].reshape(len(units), -1, cells.bins)
         alive = np.asarray((used > 0).all(axis=2), dtype=np.bool_)
         weights = np.where(alive[..., np.newaxis], 1 / np.where(used > 0, used, 1.0), 0.0)
@@ -110,8 +109,6 @@ class PlaceProjections:
         values: Floats,
         sums: Floats,
     ) -> None:
-        from watermark.audio.follow import _path_kernels
-
         cells, part = self.cells, (delays / self.distance)[:, np.newaxis]
         groups, points = table.shape
         middle = np.pi / HOP * (cells.first_bin + cells.bins * (np.arange(groups) + 0.5))

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _kernels, _path_kernels
 from watermark.audio.follow.align import TURNED_BINS, SuperframeView, choose, thresholds_of
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.interference import POINTS
@@ -94,10 +95,11 @@ class Paths:
         # Everything below is in samples of the mark, from `_begin`.
         around = np.round((centre - self._begin) / nominal).astype(np.int64)
         count = int(around.max()) + REACH + HOP + MARGIN
-        self._sound = tape.read(self._begin, nominal, count).astype(np.float32)
+        self._sound = tape.read(self._begin, nominal, count).astype(np.float32, copy=False)
         self._side = np.zeros(0, dtype=np.float32)
         if isinstance(tape, StereoBuffer):
-            self._side = tape.side.read(self._begin, nominal, count).astype(np.float32)
+            beside = tape.side.read(self._begin, nominal, count)
+            self._side = beside.astype(np.float32, copy=False)
         self._paired = bool(self._side.any())
         self._first = around - REACH
         # A coarse grid of places; a place between two rows is the sum of both, turned.
@@ -177,8 +179,6 @@ class Paths:
         first: float | None,
     ) -> tuple[float, Array]:
         """Likeliest path by evidence of cells, of pilots and of known bits; its score, places."""
-        from watermark.audio.follow import _path_kernels
-
         offsets = (self._first - self._row) // GRID
         start = np.zeros(2 * REACH // GRID + 1)
         if first is not None:
@@ -196,8 +196,6 @@ class Paths:
         self, places: Array, level: float, expected: Array | None = None
     ) -> tuple[SuperframeView, Array]:
         """View of frames at places, each piece moved to where it fits best; and those places."""
-        from watermark.audio.follow import _kernels
-
         at = places.astype(np.int64)
         profile, frames = self.demodulator.profile, places.size
         own, earlier = (thresholds_of(*self._both(x), self._masker) for x in (at, at - HOP))
@@ -274,8 +272,6 @@ class Paths:
 
 def _slide(sound: Floats, count: int, bins: int) -> Spectra:
     """Spectra of frames `GRID` times `TURNS` samples apart."""
-    from watermark.audio.follow import _path_kernels
-
     spectra = np.empty((count, bins), dtype=np.complex64)
     _path_kernels.slide_frames(sound, *_waves(bins), GRID * TURNS, ANEW, spectra)
     return spectra

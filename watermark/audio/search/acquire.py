@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _search_kernels
 from watermark.audio.search.pilot_scan import (
     CENTRE,
     DECIMATION,
@@ -185,8 +186,6 @@ class PilotCorrelator:
         tuple of (pair, score, place, clock error), or None
             The best one, if it is worth an attempt.
         """
-        from watermark.audio.search import _search_kernels
-
         weights = np.array(() if alone else WEIGHTS, dtype=np.float32)
         score, pair, place, error = _search_kernels.correlate_pilots(
             soft, row - self.kept, quanta, PLACES, self._frames, self._slots, self._masks,

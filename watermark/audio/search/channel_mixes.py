@@ -6,6 +6,7 @@ Specification: spec/audio-carrier.md, W42.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -100,7 +101,7 @@ def kinds_of(channels: int) -> tuple[str, ...]:
     )
 
 
-def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
+def find_mix(kind: str, sound: NDArray[Any]) -> ChannelMix | None:
     """Return the mix of a kind for a stretch of sound, shape (n, channels).
 
     None where it would be silent, or the same but for a factor as one of the kinds before it.
@@ -111,8 +112,12 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
         return plain
     if kind == ECHO:
         side = plain.side
-        beside = sound @ np.array(side.weights) if side else np.zeros(len(sound))
-        late, factor = _find_echo(sound @ np.array(plain.weights))
+        beside = (
+            sound @ np.array(side.weights, dtype=sound.dtype)
+            if side
+            else np.zeros(len(sound), dtype=sound.dtype)
+        )
+        late, factor = _find_echo(sound @ np.array(plain.weights, dtype=sound.dtype))
         echo = late, factor, _echo_at(beside, late)
         return ChannelMix(plain.weights, echo=echo) if late else None
     if kind == USUAL:
@@ -134,7 +139,7 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     earlier = [plain.weights, *list(fixed.values())[: list(fixed).index(kind)]]
     products = sound.T @ sound
 
-    def power(weights: NDArray[np.float64]) -> float:
+    def power(weights: NDArray[Any]) -> float:
         return float(weights @ products @ weights)
 
     own = np.array(fixed[kind])
@@ -144,12 +149,12 @@ def find_mix(kind: str, sound: NDArray[np.float64]) -> ChannelMix | None:
     return ChannelMix(fixed[kind])
 
 
-def _cepstrum(mix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cepstrum(mix: NDArray[Any]) -> NDArray[Any]:
     """Mean cepstrum of the windows that are not silent; an echo's factor stands at its delay.
 
     Source: Bogert, Healy and Tukey, "The quefrency alanysis of time series for echoes", 1963.
     """
-    sound = mix.astype(np.float32)
+    sound = mix.astype(np.float32, copy=False)
     windows = np.lib.stride_tricks.sliding_window_view(sound, ECHO_WINDOW)[:: ECHO_WINDOW // 2]
     spectra = scipy.fft.rfft(windows * _echo_window(), axis=1)
     power = spectra.real**2 + spectra.imag**2
@@ -166,7 +171,7 @@ def _echo_window() -> NDArray[np.float32]:
     return np.hanning(ECHO_WINDOW).astype(np.float32)
 
 
-def _find_echo(mix: NDArray[np.float64]) -> tuple[int, float]:
+def _find_echo(mix: NDArray[Any]) -> tuple[int, float]:
     """Return an echo's delay in samples and its factor; 0 and 0 where none is believed."""
     near = _cepstrum(mix)[SHORTEST_ECHO : LONGEST_SKEW + 1]
     peak = int(np.abs(near).argmax())
@@ -177,26 +182,28 @@ def _find_echo(mix: NDArray[np.float64]) -> tuple[int, float]:
     return SHORTEST_ECHO + peak, factor
 
 
-def _echo_at(mix: NDArray[np.float64], late: int) -> float:
+def _echo_at(mix: NDArray[Any], late: int) -> float:
     """Return the factor of an echo whose delay is known."""
     return float(np.clip(_cepstrum(mix)[late], -LARGEST_ECHO, LARGEST_ECHO)) if late else 0.0
 
 
-def usual_gain(sound: NDArray[np.float64]) -> float:
+def usual_gain(sound: NDArray[Any]) -> float:
     """Return the factor that brings a stretch, shape (n, channels), to a usual loudness."""
-    mid = sound @ np.array(weights_of(sound.shape[1]))
+    mid = sound @ np.array(weights_of(sound.shape[1]), dtype=sound.dtype)
     blocks = mid[: mid.size // 2400 * 2400].reshape(-1, 2400)
     rms = np.sqrt((blocks**2).mean(axis=1))
     loud = rms[rms >= GATE * rms.max()]
     return float(USUAL_RMS / max(np.sqrt((loud**2).mean()), 1e-7))
 
 
-def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, float] | None:
+def _find_skew(left: NDArray[Any], right: NDArray[Any]) -> tuple[int, float] | None:
     """Sign and lateness of right against left, None if unknown.
 
     Source: phase transform, Knapp and Carter, IEEE Trans. ASSP 24(4), 1976.
     """
-    transforms = [scipy.fft.rfft(channel.astype(np.float32)) for channel in (left, right)]
+    transforms = [
+        scipy.fft.rfft(channel.astype(np.float32, copy=False)) for channel in (left, right)
+    ]
     cross = transforms[0].conj() * transforms[1]
     magnitude = np.abs(cross)
     if not magnitude.any():
@@ -204,8 +211,8 @@ def _find_skew(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[i
     cross /= magnitude + np.float32(1e-3) * magnitude.mean()
     likeness = scipy.fft.irfft(cross, left.size)
     reach, margin = LONGEST_SKEW * FINE, LONGEST_SKEW + REACH + 1
-    tape = SampleBuffer(-margin)
-    tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]).astype(np.float64))
+    tape = SampleBuffer(-margin, np.float32)
+    tape.append(np.concatenate([likeness[-margin:], likeness[: margin + 1]]))
     near = tape.read(-LONGEST_SKEW, 1 / FINE, 2 * reach + 1)
     peak = int(np.abs(near).argmax())
     others = np.delete(near, np.arange(max(peak - 4 * FINE, 0), peak + 4 * FINE + 1) % near.size)

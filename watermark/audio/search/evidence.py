@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _evidence_kernels
+
 FADING = 0.85
 """Part of the evidence that outlives a stretch: some seven of them count."""
 
@@ -51,8 +53,6 @@ class Evidence:
         significance : float
             Height of the evidence there above the mean, in deviations.
         """
-        from watermark.audio.search import _evidence_kernels
-
         if self._sum is None:
             self._sum = np.zeros((len(peaks), period), dtype=np.float32)
         apart = DRIFT * abs(first - self._at)

@@ -6,10 +6,12 @@ turning the phases of the slots. Specification: spec/audio-carrier.md, W13 to W1
 """
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _pilot_kernels
 from watermark.audio.signal.layout import Cells, make_pilots
 from watermark.audio.signal.masking import CAP, COMPRESSION, GROWTH, REFERENCE, make_masker
 from watermark.audio.signal.mdct import sliding_tables
@@ -118,8 +120,6 @@ class PilotScan:
         before : ndarray of float32, shape (bands, ROWS_PER_FRAME)
             For the next frames, of which the first starts `STRIDE` samples after these.
         """
-        from watermark.audio.search import _pilot_kernels
-
         shape = PILOT_SLOTS, max((sound.size - 2 * SEARCH_HOP) // STRIDE + 1, 0)
         projections, alive = np.empty(shape, np.complex64), np.empty(shape, np.float32)
         last = before.copy()
@@ -152,10 +152,10 @@ Sight = tuple[NDArray[np.complex64], NDArray[np.float32]]
 """Projections of pilot slots, (PILOT_SLOTS, rows), and which of them are alive."""
 
 
-def see_stretch(key: int, sound: NDArray[np.float64]) -> Sight:
+def see_stretch(key: int, sound: NDArray[Any]) -> Sight:
     """Project the slots of a sound at 12 kHz by itself, samples of shape (n,)."""
     sight = make_sight(key)
-    return sight.look(sound.astype(np.float32), sight.silence)[:2]
+    return sight.look(sound.astype(np.float32, copy=False), sight.silence)[:2]
 
 
 def rows_of(seconds: float) -> int:

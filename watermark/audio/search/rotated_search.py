@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _search_kernels
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.pilot_scan import CENTRE, DECIMATION, ROWS_PER_FRAME, STRIDE, Sight
 from watermark.audio.signal.layout import make_pilots
@@ -110,8 +111,6 @@ class RotatedSearch:
         self, projections: NDArray[np.complex64], alive: NDArray[np.float32], step: float
     ) -> NDArray[np.float32]:
         """Deviations of all places from their mean for pilots of one step, by profile."""
-        from watermark.audio.search import _search_kernels
-
         places = projections.shape[1] - (FRAMES_PER_SUPERFRAME - 1) * ROWS_PER_FRAME
         sums = np.empty((len(PROFILES), places), dtype=np.int16)
         _search_kernels.turned_scores(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _soft_kernels
 from watermark.audio.search.acquire import PLACES, TURNS, Candidate, make_correlator, turns_of
 from watermark.audio.search.pilot_scan import DECIMATION, SEARCH_HOP, STRIDE, Sight, make_sight
 from watermark.audio.signal.layout import make_pilots
@@ -59,11 +60,9 @@ class PilotSearch:
         """Samples to hand to `process` next."""
         return QUANTUM + 2 * SEARCH_HOP - STRIDE - self._sound.size
 
-    def process(self, sound: NDArray[np.float64]) -> Candidate | None:
+    def process(self, sound: NDArray[Any]) -> Candidate | None:
         """Take the next `needed` samples; return the best candidate that they complete."""
-        from watermark.audio.search import _soft_kernels
-
-        self._sound = np.concatenate([self._sound, sound.astype(np.float32)])
+        self._sound = np.concatenate([self._sound, sound.astype(np.float32, copy=False)])
         projections, alive, self._before = self._sight.look(self._sound, self._before)
         self._sound = self._sound[QUANTUM:]
         row, past = self._soft.extend(), self._peaks.extend()

@@ -42,7 +42,7 @@ class Stretch:
         first: float | None = None,
         seen: Sight | None = None,
     ) -> None:
-        self.tape, self._low, self._seen = tape, SampleBuffer(), seen
+        self.tape, self._low, self._seen = tape, SampleBuffer(kind=np.float32), seen
         self.first, self.end = tape.first if first is None else first, tape.end
         self._step = DECIMATION * nominal
 
@@ -52,7 +52,7 @@ class Stretch:
             return self._seen
         return see_stretch(key, self.low(speed, seconds))
 
-    def low(self, speed: float, seconds: float) -> NDArray[np.float64]:
+    def low(self, speed: float, seconds: float) -> NDArray[np.float32]:
         """Return the first seconds at the search's rate, as if they came at some speed."""
         if not self._low.end:
             count = int((self.end - self.first) / self._step)
@@ -73,7 +73,7 @@ class SoundRing:
     """
 
     def __init__(self, channels: int, nominal: float) -> None:
-        self._sounds = [SampleBuffer() for _ in range(channels)]
+        self._sounds = [SampleBuffer(kind=np.float32) for _ in range(channels)]
         self._nominal = nominal
         self._kept: tuple[ChannelMix, int, Stretch] | None = None
 
@@ -87,7 +87,7 @@ class SoundRing:
         """The number of samples that have arrived."""
         return self._sounds[0].end
 
-    def append(self, block: NDArray[np.float64]) -> None:
+    def append(self, block: NDArray[np.float32]) -> None:
         """Add samples, shape (n, channels)."""
         for sound, channel in zip(self._sounds, block.T, strict=True):
             sound.append(channel)
@@ -97,7 +97,7 @@ class SoundRing:
         for sound in self._sounds:
             sound.forget(before)
 
-    def read(self, start: int, count: int) -> NDArray[np.float64]:
+    def read(self, start: int, count: int) -> NDArray[np.float32]:
         """Return all channels, shape (count, channels)."""
         # Channel by channel in memory, too: numpy takes ten times as long to interleave them.
         return np.array([sound.read(start, 1.0, count) for sound in self._sounds]).T
@@ -119,7 +119,7 @@ class SoundRing:
         if self._kept is None or self._kept[:2] != (mix, start):
             tape = known
             if tape is None:
-                tape = StereoBuffer(start)
+                tape = StereoBuffer(start, np.float32)
                 self._append(tape, mix, count)
             self._kept = mix, start, Stretch(tape, self._nominal, start)
         return self._kept[2]
@@ -127,26 +127,29 @@ class SoundRing:
     def _append(self, tape: StereoBuffer, mix: ChannelMix, count: int) -> None:
         """Append a mix, and its rest."""
         start, (late, own, aside) = tape.end, mix.echo
+        sound, beside = tape.grow(count), tape.side.grow(count)
         parts = self._parts(mix, start, count)
-        beside = np.zeros(count) if mix.side is None else parts[0] - parts[1]
-        sound = sum(parts[1:], start=parts[0])
-        step = late or max(count, 1)
-        for first in range(0, count, step):
-            cut = slice(first, first + step)
-            if late:
-                before, size = start + first - late, sound[cut].size
-                sound[cut] -= own * tape.read(before, 1.0, size)
-                beside[cut] -= aside * tape.side.read(before, 1.0, size)
-            tape.append_pair(sound[cut], beside[cut])
+        if mix.side is None:
+            beside[:] = 0.0
+        else:
+            np.subtract(parts[0], parts[1], out=beside)
+        np.add(parts[0], parts[1] if len(parts) > 1 else np.float32(0), out=sound)
+        for part in parts[2:]:
+            sound += part
+        for first in range(0, count if late else 0, late or 1):
+            cut = slice(first, first + late)
+            before, size = start + first - late, sound[cut].size
+            sound[cut] -= np.float32(own) * tape.read(before, 1.0, size)
+            beside[cut] -= np.float32(aside) * tape.side.read(before, 1.0, size)
 
-    def _parts(self, mix: ChannelMix, start: int, count: int) -> list[NDArray[np.float64]]:
+    def _parts(self, mix: ChannelMix, start: int, count: int) -> list[NDArray[np.float32]]:
         """Return what each channel of some weight adds to a mix."""
         known = self.first <= start and start + count <= self.end
         parts = []
         for channel, (weight, sound) in enumerate(zip(mix.weights, self._sounds, strict=True)):
             skew = mix.skew if channel == 1 else 0.0
             if weight and known and not skew:
-                parts.append(weight * sound.view(start, count))
+                parts.append(np.float32(weight) * sound.view(start, count))
             elif weight:
-                parts.append(weight * sound.read(start + skew, 1.0, count))
-        return parts or [np.zeros(count)]
+                parts.append(np.float32(weight) * sound.read(start + skew, 1.0, count))
+        return parts or [np.zeros(count, dtype=np.float32)]

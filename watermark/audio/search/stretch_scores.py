@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.search import _soft_kernels
 from watermark.audio.search.acquire import (
     DEVIATION,
     PERIOD,
@@ -78,8 +79,6 @@ def pilot_places(key: int, seen: Sight, *, gain: float = 0.0) -> NDArray[np.int8
     ndarray of int8, shape (tiers, PILOT_SLOTS, places)
         Places are `PLACE` samples apart, the first one is at `FIRST_PLACE`.
     """
-    from watermark.audio.search import _soft_kernels
-
     projections, alive = seen
     rows = alive.shape[1] * TURNS.size
     soft = np.empty((len(PILOT_STEPS), PILOT_SLOTS, rows), dtype=np.int8)

@@ -4,6 +4,7 @@ Contiguous arrays in, arrays filled in place out; no checks.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,7 @@ from codec.compiled import njit
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
 def interpolate(
-    x: NDArray[np.float64],
-    start: float,
-    ratio: float,
-    table: NDArray[np.float64],
-    out: NDArray[np.float64],
+    x: NDArray[Any], start: float, ratio: float, table: NDArray[Any], out: NDArray[Any]
 ) -> None:
     """out[n] = x at the real index start + n * ratio, by tabulated impulse responses.
 
@@ -35,8 +32,9 @@ def interpolate(
         cell = min(int(where), steps - 1)
         part = where - cell
         near, below, above = whole - taps // 2 + 1, cell * taps, (cell + 1) * taps
-        low = 0.0
-        high = 0.0
+        # Sums have the precision of the samples.
+        out[n] = 0.0
+        low = high = out[n]
         # Unsigned indices let the compiler see that none is negative: four times as fast.
         if part == 0.0:
             for j in range(taps):
@@ -131,24 +129,45 @@ def affordable_noise(
 
     It is that for which half the sum of log2(1 + ratio[n] / noise) is at most `bits`.
     """
-    grown = np.empty(ratio.shape[2])
+    # Four products go on side by side: each factor waits for the one before.
+    products = np.empty(4)
     for block in range(ratio.shape[0]):
         below, above = low, high
         for _ in range(rounds):
             middle = 0.5 * (below + above)
-            scale, total, product = math.exp(-middle), 0.0, 1.0
-            grown[:] = 1.0
-            for t in range(ratio.shape[1]):
-                for k in range(grown.size):
-                    grown[k] *= 1.0 + ratio[block, t, k] * scale
-            for k in range(grown.size):
+            scale, total = math.exp(-middle), 0.0
+            products[:] = 1.0
+            for k in range(ratio.shape[2]):
+                grown = 1.0
+                for t in range(ratio.shape[1]):
+                    grown *= 1.0 + ratio[block, t, k] * scale
                 # One logarithm for many factors: those of a frame are below 2^60.
-                product *= grown[k]
+                product = products[k & 3] * grown
                 if product > 1e150:
                     total += math.log2(product)
                     product = 1.0
-            if 0.5 * (total + math.log2(product)) <= bits:
+                products[k & 3] = product
+            for product in products:
+                total += math.log2(product)
+            if 0.5 * total <= bits:
                 above = middle
             else:
                 below = middle
         out[block] = above
+
+
+@njit(cache=True)
+def noise_ratios(
+    power: NDArray[Any],
+    least: float,
+    shape: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    ratio: NDArray[np.float64],
+    first: int,
+    bins: int,
+) -> None:
+    """ratio[t, first + k] = (power[t, k] + least) / shape[t, b] of bins k below `bins`, band b."""
+    for t in range(power.shape[0]):
+        for b in range(edges.size - 1):
+            for k in range(edges[b], min(edges[b + 1], bins)):
+                ratio[t, first + k] = (power[t, k] + least) / shape[t, b]

@@ -10,6 +10,7 @@ Costa, IEEE Trans. IT 29(3), 1983. Specification: spec/audio-carrier.md, W18, W1
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.signal import _kernels
 from watermark.audio.signal.layout import Cells
 
 
@@ -17,8 +18,6 @@ def soft_values(
     projections: NDArray[np.float64], alive: NDArray[np.bool_], cells: Cells, step: float
 ) -> NDArray[np.float64]:
     """Soft value of each cell: +1 on a point of bit 0, -1 on a point of bit 1, 0 if silent."""
-    from watermark.audio.signal import _kernels
-
     out = np.empty(projections.shape)
     _kernels.soft_cells(projections, alive, cells.dither, 1.0 / step, out)
     return out
@@ -54,8 +53,6 @@ def mark_change(
     living : float
         Share of the cells that can carry.
     """
-    from watermark.audio.signal import _kernels
-
     change = np.zeros_like(coefficients)
     living = _kernels.change_cells(
         coefficients, amplitudes, cells.signs, cells.first_bin, cells.dither, wanted, step, alpha,

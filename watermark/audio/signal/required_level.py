@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.signal import _kernels
 from watermark.audio.signal.layout import Cells
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, LEVELS, AudioProfile
@@ -63,20 +64,26 @@ def coder_noise(powers: list[NDArray[Any]], masker: Masker, bits: float) -> NDAr
     ndarray of float64, shape (64, bands)
         One multiple of the shaped threshold per block of `BLOCK_FRAMES`.
     """
-    widths = np.diff(masker.edges)
-    excess, shaped = [], []
-    for power in powers:
-        energy = np.add.reduceat(power, masker.edges[:-1], axis=1) / widths
-        spread = np.maximum(energy @ masker.matrix, QUIETEST)
-        shaped.append(REFERENCE * (spread / REFERENCE) ** EXPONENT)
-        shape = np.repeat(shaped[-1], widths, axis=1)[:, :CODED_BINS]
-        excess.append((power[:, :CODED_BINS] + 1e-14) / shape)
-    ratio = np.concatenate(excess, axis=1)
-    ratio = ratio.reshape(FRAMES_PER_SUPERFRAME // BLOCK_FRAMES, BLOCK_FRAMES, -1)
-    high = np.empty(len(ratio))
-    from watermark.audio.signal import _kernels
+    starts, widths = masker.edges[:-1], np.diff(masker.edges)
+    energies = [np.add.reduceat(power, starts, axis=1) / widths for power in powers]
+    return band_noise(powers, energies, masker, bits)
 
-    _kernels.affordable_noise(ratio, bits * BLOCK_FRAMES, ROUNDS, *NOISE_LIMITS, high)
+
+def band_noise(
+    powers: list[NDArray[Any]], energies: list[NDArray[Any]], masker: Masker, bits: float
+) -> NDArray[np.float64]:
+    """Return the same where the mean powers of the bands, shape (64, bands), are known."""
+    shaped = [
+        REFERENCE * (np.maximum(energy @ masker.matrix, QUIETEST) / REFERENCE) ** EXPONENT
+        for energy in energies
+    ]
+    ratio = np.empty((FRAMES_PER_SUPERFRAME, CODED_BINS * len(powers)))
+    for n, (power, shape) in enumerate(zip(powers, shaped, strict=True)):
+        least = power.dtype.type(1e-14)
+        _kernels.noise_ratios(power, least, shape, masker.edges, ratio, n * CODED_BINS, CODED_BINS)
+    blocks = ratio.reshape(FRAMES_PER_SUPERFRAME // BLOCK_FRAMES, BLOCK_FRAMES, -1)
+    high = np.empty(len(blocks))
+    _kernels.affordable_noise(blocks, bits * BLOCK_FRAMES, ROUNDS, *NOISE_LIMITS, high)
     return np.asarray(shaped[0] * np.repeat(np.exp(high), BLOCK_FRAMES)[:, np.newaxis])
 
 
