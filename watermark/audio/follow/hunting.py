@@ -25,7 +25,7 @@ from watermark.audio.search.channel_mixes import ECHO, MID, ChannelMix, find_mix
 from watermark.audio.search.hypotheses import STRETCH_S, ChannelHypothesis, PilotHypothesis
 from watermark.audio.search.pilot_scan import Sight, rows_of
 from watermark.audio.search.rotated_search import RotatedSearch
-from watermark.audio.search.scheduler import NOTHING, PROMISING, HypothesisScheduler
+from watermark.audio.search.scheduler import PROMISING, HypothesisScheduler
 from watermark.audio.search.sound_ring import SoundRing, Stretch
 from watermark.audio.search.stretch_scores import StretchScores, higher_of_two, search_stretch
 from watermark.audio.search.stretched_search import (
@@ -175,8 +175,7 @@ class HypothesisHunter:
             # What happened to the channels shows in more sound than one superframe.
             found_mix = find_mix(guess.mix, self._ring.read(now - self._count, self._count))
             if found_mix is None:
-                self._scheduler.give_back(guess)
-                self._purse.charge(NOTHING - guess.cost)
+                self._purse.charge(-self._scheduler.give_back(guess, now / self._fs))
                 return None
             mix = found_mix
         count = int(guess.stretch_s * self._fs)

@@ -96,6 +96,8 @@ class ChannelHypothesis:
         Sound after which it is worth trying again.
     cost : float
         See `COST_SIGHT`.
+    mixing : float
+        Part of it that is spent on finding its mix, even if there is none.
     mix : str
         Kind of the mix in which to search, see `watermark.audio.search.channel_mixes`.
     kind : PilotHypothesis
@@ -117,6 +119,7 @@ class ChannelHypothesis:
     name: str
     pause_s: float
     cost: float
+    mixing: float = 0.0
     mix: str = MID
     kind: PilotHypothesis = PilotHypothesis.PLAIN
     speed: float = 1.0
@@ -162,7 +165,7 @@ def _turned(
     if mix != MID:
         cost += COST_MIX + COST_SIGHT * STRETCH_S / SHORT_STRETCH_S
     return ChannelHypothesis(
-        name, pause_s, cost, mix, PilotHypothesis.TURNED, steps=tuple(steps), exact=False,
+        name, pause_s, cost, COST_MIX, mix, PilotHypothesis.TURNED, steps=tuple(steps), exact=False,
         stretch_s=STRETCH_S,
     )  # fmt: skip
 
@@ -176,7 +179,7 @@ def _plain(
     sight = 0.0 if mix == MID and speed == 1.0 else COST_SIGHT
     looking = sight + (COST_GAIN + (COST_EVIDENCE if exact else COST_CLOCKS)) * len(gains)
     return ChannelHypothesis(
-        name, pause_s, mixing + looking * stretch_s / SHORT_STRETCH_S, mix, speed=speed,
+        name, pause_s, mixing + looking * stretch_s / SHORT_STRETCH_S, mixing, mix, speed=speed,
         clock=clock, gains=gains, exact=exact, stretch_s=stretch_s,
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from watermark.audio.search.evidence import Evidence
 from watermark.audio.search.hypotheses import (
@@ -28,8 +29,8 @@ SAVED_S = 4.0
 FIRST = 160.0
 """Allowance at the start: a round of all hypotheses but rare ones."""
 
-NOTHING, UNSOUGHT = 2.0, 0.5
-"""Cost of finding that there is nothing to search, and part of the pause that follows."""
+UNSOUGHT = 0.5
+"""Part of the pause that follows where there is nothing to search."""
 
 REPEATED = 3.0
 """Factor on the rate of hypotheses that were read on this set before, and of those that seem
@@ -45,23 +46,18 @@ mark gives as much."""
 
 @dataclass(slots=True)
 class _Entry:
-    """A hypothesis, when it was tried last, whether it was read, and its evidence."""
+    """A hypothesis, whether it was read, whether it seems near, and its evidence."""
 
     hypothesis: ChannelHypothesis
-    tried_s: float
     evidence: Evidence = field(default_factory=Evidence)
     read: bool = False
     promising: bool = False
 
-    def waited(self, now_s: float) -> float:
-        """Pauses since the last try."""
-        return (now_s - self.tried_s) / self.pause_s(now_s)
-
-    def pause_s(self, now_s: float) -> float:
-        """Return the pause after which it is tried again, seconds."""
-        young = now_s < YOUNG_S and self.hypothesis.pause_s < RARELY_S
+    def pause_s(self, *, young: bool) -> float:
+        """Return the pause after which it is tried again, soon after switching on or later."""
+        often = young and self.hypothesis.pause_s < RARELY_S
         pause_s = self.hypothesis.pause_s
-        for reason in (self.read, self.promising or young):
+        for reason in (self.read, self.promising or often):
             pause_s /= REPEATED if reason else 1.0
         return pause_s
 
@@ -78,6 +74,8 @@ class HypothesisScheduler:
 
     channels: int
     _entries: list[_Entry] = field(init=False)
+    _tried_s: NDArray[np.float64] = field(init=False)
+    _pauses_s: dict[bool, NDArray[np.float64]] = field(default_factory=dict, init=False)
     _allowance: float = field(default=FIRST, init=False)
     _cheapest: float = field(init=False)
     _awaited: float = field(init=False)
@@ -87,13 +85,12 @@ class HypothesisScheduler:
         # One pause has run out for each at the start: they are tried in their order. What is tried
         # rarely comes later, one after another.
         listed = make_hypotheses(self.channels)
-        rare = sum(one.pause_s == RARELY_S for one in listed)
+        self._entries = [_Entry(one) for one in listed]
         self._cheapest = self._awaited = min(one.cost for one in listed)
-        late = np.cumsum([one.pause_s / rare if one.pause_s == RARELY_S else 0 for one in listed])
-        self._entries = [
-            _Entry(one, STRETCH_S - one.pause_s + (wait if one.pause_s == RARELY_S else 0.0))
-            for one, wait in zip(listed, late, strict=True)
-        ]
+        pauses = np.array([one.pause_s for one in listed])
+        rare = pauses == RARELY_S
+        late = np.cumsum(np.where(rare, pauses / max(rare.sum(), 1), 0.0))
+        self._tried_s = STRETCH_S - pauses + np.where(rare, late, 0.0)
 
     def earn(self, sound_s: float) -> None:
         """Add the allowance of so much sound."""
@@ -108,40 +105,57 @@ class HypothesisScheduler:
         if min(self._allowance, most) < self._awaited or now_s < self._idle_until_s:
             return None
         self._awaited, self._idle_until_s = self._cheapest, -math.inf
-        best = max(self._entries, key=lambda entry: (entry.waited(now_s), entry.read))
-        if best.waited(now_s) < 1.0:
+        pauses = self._pauses(young=now_s < YOUNG_S)
+        waited = (now_s - self._tried_s) / pauses
+        n = int(waited.argmax())
+        best = self._entries[n].hypothesis
+        if waited[n] < 1.0:
             # Pauses only grow with time.
-            self._idle_until_s = min(one.tried_s + one.pause_s(now_s) for one in self._entries)
+            self._idle_until_s = float((self._tried_s + pauses).min())
             return None
-        if min(self._allowance, most) < best.hypothesis.cost:
-            self._awaited = best.hypothesis.cost
+        if min(self._allowance, most) < best.cost:
+            self._awaited = best.cost
             return None
-        self._allowance -= best.hypothesis.cost
-        best.tried_s = now_s
-        return best.hypothesis
+        self._allowance -= best.cost
+        self._tried_s[n] = now_s
+        return best
 
-    def give_back(self, hypothesis: ChannelHypothesis) -> None:
+    def give_back(self, hypothesis: ChannelHypothesis, now_s: float) -> float:
         """Note that a hypothesis needed no search: its mix is silent, or one tried before.
 
-        It costs little to look for its mix again, after part of its pause.
+        Its mix is looked for again after part of its pause. Returned is what looking cost less.
         """
-        self._allowance += hypothesis.cost - NOTHING
-        self._find(hypothesis).tried_s -= (1 - UNSOUGHT) * hypothesis.pause_s
+        n, rest = self._number(hypothesis), hypothesis.cost - hypothesis.mixing
+        self._allowance += rest
+        self._tried_s[n] -= (1 - UNSOUGHT) * self._pauses(young=now_s < YOUNG_S)[n]
         self._idle_until_s = -math.inf
+        return rest
 
     def evidence(self, hypothesis: ChannelHypothesis) -> Evidence:
         """Return what stretches said so far, if a hypothesis is true."""
-        return self._find(hypothesis).evidence
+        return self._entries[self._number(hypothesis)].evidence
 
     def note(self, hypothesis: ChannelHypothesis, significance: float) -> None:
         """Note how likely the likeliest place of the last try is."""
-        self._find(hypothesis).promising = significance >= PROMISING
-        self._idle_until_s = -math.inf
+        self._entries[self._number(hypothesis)].promising = significance >= PROMISING
+        self._changed()
 
     def remember(self, hypothesis: ChannelHypothesis) -> None:
         """Note that a mark was read under a hypothesis."""
-        self._find(hypothesis).read = True
+        self._entries[self._number(hypothesis)].read = True
+        self._changed()
+
+    def _changed(self) -> None:
+        """Forget pauses that are no longer true."""
+        self._pauses_s.clear()
         self._idle_until_s = -math.inf
 
-    def _find(self, hypothesis: ChannelHypothesis) -> _Entry:
-        return next(entry for entry in self._entries if entry.hypothesis is hypothesis)
+    def _pauses(self, *, young: bool) -> NDArray[np.float64]:
+        """Return all pauses, seconds."""
+        if young not in self._pauses_s:
+            pauses = [entry.pause_s(young=young) for entry in self._entries]
+            self._pauses_s[young] = np.array(pauses)
+        return self._pauses_s[young]
+
+    def _number(self, hypothesis: ChannelHypothesis) -> int:
+        return next(n for n, one in enumerate(self._entries) if one.hypothesis is hypothesis)
