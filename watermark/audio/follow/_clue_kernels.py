@@ -55,7 +55,9 @@ def cell_means(
             for k in range(first + g * bins, first + (g + 1) * bins):
                 unit += amplitudes[t, k]
                 near += noise[t, band[k]]
-            means[0, t, g], means[2, t, g] = max(unit / bins, 1e-7), near / bins
+            unit /= np.float32(bins)
+            means[0, t, g] = unit if unit > 1e-7 else 1e-7
+            means[2, t, g] = near / bins
 
 
 @njit(cache=True)

@@ -129,26 +129,28 @@ def affordable_noise(
 
     It is that for which half the sum of log2(1 + ratio[n] / noise) is at most `bits`.
     """
-    # Four products go on side by side: each factor waits for the one before.
-    products = np.empty(4)
+    grown = np.empty(ratio.shape[2])
+    whole = grown.size - grown.size % 4
     for block in range(ratio.shape[0]):
         below, above = low, high
         for _ in range(rounds):
             middle = 0.5 * (below + above)
             scale, total = math.exp(-middle), 0.0
-            products[:] = 1.0
-            for k in range(ratio.shape[2]):
-                grown = 1.0
-                for t in range(ratio.shape[1]):
-                    grown *= 1.0 + ratio[block, t, k] * scale
-                # One logarithm for many factors: those of a frame are below 2^60.
-                product = products[k & 3] * grown
-                if product > 1e150:
-                    total += math.log2(product)
-                    product = 1.0
-                products[k & 3] = product
-            for product in products:
-                total += math.log2(product)
+            grown[:] = 1.0
+            for t in range(ratio.shape[1]):
+                for k in range(grown.size):
+                    grown[k] *= 1.0 + ratio[block, t, k] * scale
+            # One logarithm for many factors, those of a frame are below 2^60; and four products
+            # side by side, as each factor waits for the one before.
+            a, b, c, d = 1.0, 1.0, 1.0, 1.0
+            for k in range(0, whole, 4):
+                a, b, c, d = a * grown[k], b * grown[k + 1], c * grown[k + 2], d * grown[k + 3]
+                if max(max(a, b), max(c, d)) > 1e150:
+                    total += (math.log2(a) + math.log2(b)) + (math.log2(c) + math.log2(d))
+                    a, b, c, d = 1.0, 1.0, 1.0, 1.0
+            for k in range(whole, grown.size):
+                total += math.log2(grown[k])
+            total += (math.log2(a) + math.log2(b)) + (math.log2(c) + math.log2(d))
             if 0.5 * total <= bits:
                 above = middle
             else:
