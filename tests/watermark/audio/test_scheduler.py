@@ -87,7 +87,7 @@ def test_where_there_was_nothing_to_search_is_looked_again_sooner() -> None:
                 if one.mix == ECHO:
                     times.append(n * STEP_S)
                     if needless:
-                        scheduler.give_back(one, n * STEP_S)
+                        scheduler.give_back(one)
         waits.append(np.diff(times)[1:].mean())
     assert waits[1] < 0.7 * waits[0]
 

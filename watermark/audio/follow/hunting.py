@@ -175,7 +175,7 @@ class HypothesisHunter:
             # What happened to the channels shows in more sound than one superframe.
             found_mix = find_mix(guess.mix, self._ring.read(now - self._count, self._count))
             if found_mix is None:
-                self._purse.charge(-self._scheduler.give_back(guess, now / self._fs))
+                self._purse.charge(-self._scheduler.give_back(guess))
                 return None
             mix = found_mix
         count = int(guess.stretch_s * self._fs)

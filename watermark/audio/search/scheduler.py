@@ -26,8 +26,9 @@ SPEND = 12.0
 SAVED_S = 4.0
 """Sound whose allowance may be saved: the rest of an unspent allowance expires."""
 
-FIRST = 160.0
-"""Allowance at the start: a round of all hypotheses but rare ones."""
+FIRST = 96.0
+"""Allowance at the start: a first round of the likelier hypotheses; the others but rare ones follow
+within 8 s. A whole round at once, of 160, was the dearest second of all."""
 
 UNSOUGHT = 0.5
 """Part of the pause that follows where there is nothing to search."""
@@ -35,9 +36,6 @@ UNSOUGHT = 0.5
 REPEATED = 3.0
 """Factor on the rate of hypotheses that were read on this set before, and of those that seem
 near."""
-
-YOUNG_S = 8.0
-"""Seconds of sound: all hypotheses but rare ones are tried more often by that factor."""
 
 PROMISING = 6.0
 """Significance of a hypothesis that is tried more often for it: one stretch of a thousand without a
@@ -53,11 +51,11 @@ class _Entry:
     read: bool = False
     promising: bool = False
 
-    def pause_s(self, *, young: bool) -> float:
-        """Return the pause after which it is tried again, soon after switching on or later."""
-        often = young and self.hypothesis.pause_s < RARELY_S
+    @property
+    def pause_s(self) -> float:
+        """Pause after which it is tried again."""
         pause_s = self.hypothesis.pause_s
-        for reason in (self.read, self.promising or often):
+        for reason in (self.read, self.promising):
             pause_s /= REPEATED if reason else 1.0
         return pause_s
 
@@ -75,7 +73,7 @@ class HypothesisScheduler:
     channels: int
     _entries: list[_Entry] = field(init=False)
     _tried_s: NDArray[np.float64] = field(init=False)
-    _pauses_s: dict[bool, NDArray[np.float64]] = field(default_factory=dict, init=False)
+    _pauses_s: NDArray[np.float64] = field(init=False)
     _allowance: float = field(default=FIRST, init=False)
     _cheapest: float = field(init=False)
     _awaited: float = field(init=False)
@@ -87,7 +85,7 @@ class HypothesisScheduler:
         listed = make_hypotheses(self.channels)
         self._entries = [_Entry(one) for one in listed]
         self._cheapest = self._awaited = min(one.cost for one in listed)
-        pauses = np.array([one.pause_s for one in listed])
+        self._pauses_s = pauses = np.array([one.pause_s for one in listed])
         rare = pauses == RARELY_S
         late = np.cumsum(np.where(rare, pauses / max(rare.sum(), 1), 0.0))
         self._tried_s = STRETCH_S - pauses + np.where(rare, late, 0.0)
@@ -105,13 +103,12 @@ class HypothesisScheduler:
         if min(self._allowance, most) < self._awaited or now_s < self._idle_until_s:
             return None
         self._awaited, self._idle_until_s = self._cheapest, -math.inf
-        pauses = self._pauses(young=now_s < YOUNG_S)
-        waited = (now_s - self._tried_s) / pauses
+        waited = (now_s - self._tried_s) / self._pauses_s
         n = int(waited.argmax())
         best = self._entries[n].hypothesis
         if waited[n] < 1.0:
             # Pauses only grow with time.
-            self._idle_until_s = float((self._tried_s + pauses).min())
+            self._idle_until_s = float((self._tried_s + self._pauses_s).min())
             return None
         if min(self._allowance, most) < best.cost:
             self._awaited = best.cost
@@ -120,14 +117,14 @@ class HypothesisScheduler:
         self._tried_s[n] = now_s
         return best
 
-    def give_back(self, hypothesis: ChannelHypothesis, now_s: float) -> float:
+    def give_back(self, hypothesis: ChannelHypothesis) -> float:
         """Note that a hypothesis needed no search: its mix is silent, or one tried before.
 
         Its mix is looked for again after part of its pause. Returned is what looking cost less.
         """
         n, rest = self._number(hypothesis), hypothesis.cost - hypothesis.mixing
         self._allowance += rest
-        self._tried_s[n] -= (1 - UNSOUGHT) * self._pauses(young=now_s < YOUNG_S)[n]
+        self._tried_s[n] -= (1 - UNSOUGHT) * self._pauses_s[n]
         self._idle_until_s = -math.inf
         return rest
 
@@ -137,25 +134,20 @@ class HypothesisScheduler:
 
     def note(self, hypothesis: ChannelHypothesis, significance: float) -> None:
         """Note how likely the likeliest place of the last try is."""
-        self._entries[self._number(hypothesis)].promising = significance >= PROMISING
-        self._changed()
+        n = self._number(hypothesis)
+        self._entries[n].promising = significance >= PROMISING
+        self._changed(n)
 
     def remember(self, hypothesis: ChannelHypothesis) -> None:
         """Note that a mark was read under a hypothesis."""
-        self._entries[self._number(hypothesis)].read = True
-        self._changed()
+        n = self._number(hypothesis)
+        self._entries[n].read = True
+        self._changed(n)
 
-    def _changed(self) -> None:
-        """Forget pauses that are no longer true."""
-        self._pauses_s.clear()
+    def _changed(self, n: int) -> None:
+        """Note how often a hypothesis is tried from now on."""
+        self._pauses_s[n] = self._entries[n].pause_s
         self._idle_until_s = -math.inf
-
-    def _pauses(self, *, young: bool) -> NDArray[np.float64]:
-        """Return all pauses, seconds."""
-        if young not in self._pauses_s:
-            pauses = [entry.pause_s(young=young) for entry in self._entries]
-            self._pauses_s[young] = np.array(pauses)
-        return self._pauses_s[young]
 
     def _number(self, hypothesis: ChannelHypothesis) -> int:
         return next(n for n, one in enumerate(self._entries) if one.hypothesis is hypothesis)
