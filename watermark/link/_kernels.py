@@ -383,3 +383,15 @@ def polar_beliefs(
                     up[layer + 1, b] = _join(up[layer, b], up[layer, a] * x)
     for a in range(size):
         out[a] = up[n, a]
+
+
+@njit(cache=True)
+def remainders(
+    messages: NDArray[np.int64], weights: NDArray[np.int64], out: NDArray[np.int64]
+) -> None:
+    """out[n] = exclusive or of weights[i] over the ones i of message n."""
+    for n in range(out.size):
+        found = 0
+        for i in range(weights.size):
+            found ^= weights[i] & -messages[n, i]
+        out[n] = found

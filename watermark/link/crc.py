@@ -6,6 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.link import _kernels
+
 POLYNOMIALS = {16: 0x1021, 24: 0x864CFB}
 """CRC-16/CCITT and the CRC-24 of RFC 4880, highest power left out."""
 
@@ -48,8 +50,8 @@ def passes(messages: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
     [True, False]
     """
     count = messages.shape[1] - width
-    weights = np.concatenate([_weights(count, width), 1 << np.arange(width - 1, -1, -1)])
-    found = np.bitwise_xor.reduce(np.where(messages != 0, weights, 0), axis=1)
+    found = np.empty(len(messages), dtype=np.int64)
+    _kernels.remainders(messages, _all_weights(count, width), found)
     return np.asarray(found == _start(count, width))
 
 
@@ -66,6 +68,12 @@ def _start(count: int, width: int) -> int:
     for _ in range(count):
         register = _shift(register, width)
     return register
+
+
+@lru_cache(maxsize=16)
+def _all_weights(count: int, width: int) -> NDArray[np.int64]:
+    """Return the same of bits and of the check's own."""
+    return np.concatenate([_weights(count, width), 1 << np.arange(width - 1, -1, -1)])
 
 
 @lru_cache(maxsize=16)

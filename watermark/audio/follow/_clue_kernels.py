@@ -73,3 +73,30 @@ def centre_clues(clues: NDArray[np.float64], limit: float) -> None:
             for g in range(mean.size):
                 value = clues[n, t, g] - mean[g] / clues.shape[1]
                 clues[n, t, g] = min(max(value, -limit), limit)
+
+
+@njit(cache=True)
+def look_up_cells(
+    errors: NDArray[np.float64],
+    alive: NDArray[np.bool_],
+    unknown: NDArray[np.float64],
+    untouched: NDArray[np.float64],
+    own: NDArray[np.float64],
+    zero: NDArray[np.float64],
+    one: NDArray[np.float64],
+) -> None:
+    """Look up what tables of each cell say at its error, in steps.
+
+    The tables, shape (groups, points), are over one step. Of cells that are not alive own is 0 and
+    the densities of either bit are 1.
+    """
+    points = unknown.shape[1]
+    for t in range(errors.shape[0]):
+        for g in range(errors.shape[1]):
+            own[t, g], zero[t, g], one[t, g] = 0.0, 1.0, 1.0
+            if alive[t, g]:
+                # Rounded to even, as numpy does.
+                at = int(np.rint(errors[t, g] * points)) % points
+                beside = int(np.rint((errors[t, g] - 0.5) * points)) % points
+                own[t, g] = unknown[g, at]
+                zero[t, g], one[t, g] = untouched[g, at], untouched[g, beside]

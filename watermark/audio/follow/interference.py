@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.follow import _clue_kernels
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.smoothing import smooth, weighted_sum, weights_around
 from watermark.audio.signal.layout import AudioLayout, Pilots
@@ -71,7 +72,8 @@ class InterferenceEstimator:
     def look(self, view: SuperframeView, level: float, pilot_step: float) -> "InterferenceMask":
         """Look at a superframe at a level."""
         errors, alive = view.errors(self._layout.cells, self._profile.step(level))
-        own = self.of_cells(errors, alive)
+        own, zero, one = np.empty((3, *errors.shape))
+        _clue_kernels.look_up_cells(errors, alive, self.unknown, self._untouched, own, zero, one)
         clues = [_mean_around(own, window) for window in CELLS]
         of_pilots, living = view.errors(self._pilots.cells, pilot_step)
         of_pilots = of_pilots - (1 - self._expected) / 4
@@ -82,15 +84,8 @@ class InterferenceEstimator:
             for values in (told, seen)
         )
         clues.append(told / (share + FEW_PILOTS))
-        zero, one = (_look_up(self._untouched, errors - bit / 2) for bit in (0, 1))
-        soft = np.where(alive, np.cos(2 * np.pi * errors), 0.0)
-        return InterferenceMask(
-            np.stack(clues), soft, np.where(alive, zero, 1.0), np.where(alive, one, 1.0)
-        )
-
-    def of_cells(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
-        """Evidence of cells with unknown bits (`SuperframeView.errors`), shape (n, groups)."""
-        return np.where(alive, _look_up(self.unknown, errors), 0.0)
+        soft = view.soft(self._layout.cells, self._profile.step(level))
+        return InterferenceMask(np.stack(clues), soft, zero, one)
 
     def of_pilots(self, errors: Array, alive: NDArray[np.bool_]) -> Array:
         """Evidence of pilots, shape (n, PILOT_SLOTS), by their errors from where they should be."""
