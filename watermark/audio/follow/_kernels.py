@@ -3,6 +3,8 @@
 Contiguous arrays in, arrays filled in place out; no checks.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,14 +13,18 @@ from watermark.audio.signal._kernels import cosine_of_turns
 
 
 @njit(cache=True)
-def cut_frames(
-    sound: NDArray[np.float64], starts: NDArray[np.int64], frames: NDArray[np.float32]
-) -> None:
-    """frames[t] = sound from starts[t] on."""
+def cut_frames(sound: NDArray[Any], starts: NDArray[np.int64], frames: NDArray[np.float32]) -> bool:
+    """frames[t] = sound from starts[t] on; return whether that is not silence."""
+    first = 0
+    while first < sound.size and sound[first] == 0:
+        first += 1
+    if first == sound.size:
+        return False
     for t in range(frames.shape[0]):
         frame, own = frames[t], sound[starts[t] :]
         for i in range(frame.size):
             frame[i] = own[i]
+    return True
 
 
 @njit(cache=True, fastmath={"contract"})

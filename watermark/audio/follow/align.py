@@ -205,14 +205,13 @@ def _spectra(
         whole = np.round(begin).astype(np.int64)
         delays += begin - whole
         starts = whole - whole[0]
-        sound = tape.read(int(whole[0]), 1.0, int(starts[-1]) + 2 * HOP)
+        sound = tape.part(int(whole[0]), int(starts[-1]) + 2 * HOP)
     else:
         starts = number * HOP
         sound = tape.read(first, ratio, SUPERFRAME + 2 * HOP)
-    if not sound.any():
-        return np.zeros((number.size, HOP), dtype=np.complex64)
     frames = np.empty((number.size, 2 * HOP), dtype=np.float32)
-    _kernels.cut_frames(sound, starts, frames)
+    if not _kernels.cut_frames(sound, starts, frames):
+        return np.zeros((number.size, HOP), dtype=np.complex64)
     own, following = lapping(HOP, "complex64")
     spectra = np.empty((number.size, HOP), dtype=np.complex64)
     _kernels.lap_bins(scipy.fft.rfft(frames, axis=1), own, following, spectra)

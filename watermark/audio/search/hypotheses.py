@@ -60,7 +60,7 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 3.0, 6.0, 10.0, 20.0, 240.0
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 2.5, 6.0, 10.0, 20.0, 240.0
 """Sound between two tries of turned bands, of the other likely ones, of less likely ones, of tens
 of possibilities, and of speeds that no usual device has."""
 

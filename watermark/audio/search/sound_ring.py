@@ -100,7 +100,7 @@ class SoundRing:
     def read(self, start: int, count: int) -> NDArray[np.float32]:
         """Return all channels, shape (count, channels)."""
         # Channel by channel in memory, too: numpy takes ten times as long to interleave them.
-        return np.array([sound.read(start, 1.0, count) for sound in self._sounds]).T
+        return np.array([sound.part(start, count) for sound in self._sounds]).T
 
     def extend(self, tape: StereoBuffer, mix: ChannelMix, now: int) -> None:
         """Append the known part of a mix to a sample buffer at a time."""

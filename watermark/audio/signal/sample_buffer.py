@@ -138,8 +138,7 @@ class SampleBuffer:
         margin = table.shape[1] // 2
         begin = math.floor(position) - margin
         long = math.ceil(count * ratio) + 2 * margin + 2
-        known = self.first <= begin and begin + long <= self.end
-        sound = self.view(begin, long) if known else self._cut(begin, long)
+        sound = self.part(begin, long)
         out = np.empty(count, dtype=self._kind)
         _kernels.interpolate(sound, position - begin, ratio, table, out)
         return out
@@ -148,6 +147,11 @@ class SampleBuffer:
         """Return samples that are all in memory, without a copy: they hold until the next ones."""
         begin = position - self._offset
         return self._store[begin : begin + count]
+
+    def part(self, position: int, count: int) -> NDArray[Any]:
+        """Return samples from a whole position on; those in memory as a `view`."""
+        known = self.first <= position and position + count <= self.end
+        return self.view(position, count) if known else self._cut(position, count)
 
     def _cut(self, position: int, count: int) -> NDArray[Any]:
         begin, end = max(position, self.first), min(position + count, self.end)
