@@ -71,6 +71,10 @@ NEAR = 0.002
 MIDDLE = Region(-1 / 6, 0.0, 4 / 3, 1.0)
 """The middle of 16:9 in 4:3."""
 
+LETTERBOX = Region(0.0, 1 / 8, 1.0, 3 / 4)
+"""16:9 in 4:3, between bars; looked at where the content is smaller still, for wide films have bars
+of their own, which are marked with them."""
+
 _SINE = np.sin(2 * np.pi * (np.arange(512) + 0.5) / 512).astype(np.float32)
 _COSINE = np.cos(2 * np.pi * (np.arange(512) + 0.5) / 512).astype(np.float32)
 
@@ -179,6 +183,8 @@ class PlaceSearch:
         self._scores.take_texture(self._half)
         box = content_box(mean)
         usual = [self._whole, MIDDLE if box == WHOLE else box]
+        if box.top > LETTERBOX.top and box.top + box.height < LETTERBOX.top + LETTERBOX.height:
+            usual.append(LETTERBOX)
         # What looks like bars may be a part of the picture: a planet in a black sky.
         boxes = [self._whole] if box == WHOLE else [self._whole, box]
         found = [

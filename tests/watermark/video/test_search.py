@@ -63,6 +63,18 @@ def test_bars_on_all_sides() -> None:
     assert (place.width * 1000, place.height * 600) == pytest.approx((WIDTH, HEIGHT), abs=2)
 
 
+def test_wide_film_in_a_letterbox() -> None:
+    """Its own bars are a part of the marked picture, those of the letterbox are not."""
+    frames = [picture(n).copy() for n in range(32)]
+    for frame in frames:
+        frame[:45] = frame[-45:] = 16
+    marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, source()))[16:32]
+    shown = [np.full((HEIGHT * 4 // 3, WIDTH), 16, dtype=np.uint8) for _ in marked]
+    for frame, content in zip(shown, marked, strict=True):
+        frame[HEIGHT // 6 :][:HEIGHT] = content
+    assert Region(0, 1 / 8, 1, 3 / 4) in found_places(shown)
+
+
 def globe(n: int) -> np.ndarray:
     """A striped globe in a black sky."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
