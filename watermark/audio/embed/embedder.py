@@ -242,6 +242,10 @@ class AudioEmbedder:
             self._rehearsal.end()
         while self._next < needed:
             self._write_next(min(self._stretch_length, needed - self._next))
+        whole = int(total / self._fs / SUPERFRAME_S + 1e-6)
+        if self._margins and self._margins[-1].number >= whole:
+            # The sound's end cuts it off: nobody receives it.
+            self._margins.pop()
         for tape in (self._mark, self._across, self._taken):
             tape.append(np.zeros(FS // 10))
         return self._take(self._waiting)
@@ -272,7 +276,7 @@ class AudioEmbedder:
         Returns
         -------
         tuple of SuperframeMargin
-            In order, of the last `REPORTED` superframes.
+            In order, of the last `REPORTED` superframes; without one that the end cuts off.
         """
         return tuple(self._margins)
 
