@@ -15,6 +15,7 @@ enum {
     FIRST_HASHES = 1 << 23,  /* that a stream may cost to be compared with chains */
     MORE_HASHES = 1 << 12,   /* and with each superframe */
     SCAN_HASHES = 1 << 16,   /* of these at once: as many as a try costs */
+    CANDIDATES = 2,          /* keys of a block: the first is a wrong one once in 512 blocks */
     DIRECT = 2               /* blocks by the clock whose whole chain is computed for one key */
 };
 
@@ -108,23 +109,51 @@ void cue_place_restart(cue_proofs *p, bool found) {
     p->hashes = FIRST_HASHES;
 }
 
-static bool guess_at(const cue_proofs *p, int32_t begin, uint8_t key[KEY_BYTES]) {
+/* The nth key that may be that of the block which begins here, 0 if there are not as many. */
+static const uint8_t *guess_at(const cue_proofs *p, int32_t begin, int nth) {
     for (int i = 0; i < p->guesses; i++)
-        if (p->guess[i].begin == begin) {
-            if (key) memcpy(key, p->guess[i].key, KEY_BYTES);
-            return true;
-        }
-    return false;
+        if (p->guess[i].begin == begin && nth-- == 0) return p->guess[i].key;
+    return 0;
+}
+
+static void forget_guesses(cue_proofs *p, int32_t before) {
+    int kept = 0;
+    for (int i = 0; i < p->guesses; i++)
+        if (p->guess[i].begin >= before) p->guess[kept++] = p->guess[i];
+    p->guesses = kept;
 }
 
 static void keep_guess(cue_proofs *p, int32_t begin, const uint8_t key[KEY_BYTES]) {
-    int kept = 0;
-    for (int i = 0; i < p->guesses; i++)
-        if (p->guess[i].begin > begin - cue_layout(p)->block) p->guess[kept++] = p->guess[i];
-    if (kept == LONGEST_BLOCK) kept--;
-    p->guess[kept].begin = begin;
-    memcpy(p->guess[kept].key, key, KEY_BYTES);
-    p->guesses = kept + 1;
+    if (p->guesses == LONGEST_BLOCK) p->guesses--;
+    p->guess[p->guesses].begin = begin;
+    memcpy(p->guess[p->guesses++].key, key, KEY_BYTES);
+}
+
+/* Whether a key leads to the chain, alone by the clock, or after one of the block before. */
+static bool is_placed(cue_proofs *p, int32_t begin, const span *clock, cue_known *found) {
+    for (int i = 0; clock && i < DIRECT; i++) { /* the nearest block, then the next nearest */
+        int64_t nearest = (int64_t)nearbyint(clock->now);
+        int64_t block = i == 0 ? nearest : nearest + (clock->now > (double)nearest ? 1 : -1);
+        if (block < clock->first || block >= clock->stop) continue;
+        found->block = block;
+        if (leads(p, found)) return true;
+    }
+    const uint8_t *earlier;
+    span all = held_blocks(p);
+    for (int nth = 0; (earlier = guess_at(p, begin - cue_layout(p)->block, nth)); nth++) {
+        p->scan.begin = begin;
+        memcpy(p->scan.key, found->key, KEY_BYTES);
+        memcpy(p->scan.earlier, earlier, KEY_BYTES);
+        for (int i = clock ? 0 : 1; i < 2; i++) {
+            p->scan.next = i ? all.first : clock->first;
+            p->scan.stop = i ? all.stop : clock->stop;
+            if (p->scan.next >= p->scan.stop) continue;
+            if (!afford(p, p->scan.stop - p->scan.next)) p->scan.next = p->scan.stop;
+            else if (go_on(p, SCAN_HASHES, found)) return true;
+        }
+        if (p->scan.next < p->scan.stop) return false; /* it goes on with the next superframe */
+    }
+    return false;
 }
 
 bool cue_place_look(cue_proofs *p, int32_t index, cue_known *found, int32_t *at) {
@@ -147,29 +176,15 @@ bool cue_place_look(cue_proofs *p, int32_t index, cue_known *found, int32_t *at)
     if (sent < 0 || quick < 0) return false;
     p->tried++;
     for (int i = 0; i < 6; i++) found->key[i] = (uint8_t)(sent >> (40 - 8 * i));
-    if (cue_tag_search(p->trusted.channel, found->key, 0, l->block - l->quick, covered->covered,
-                       covered->bytes, (uint32_t)quick) == 65536)
-        return false;
     *at = begin;
-    bool pair = guess_at(p, begin - l->block, p->scan.earlier);
-    keep_guess(p, begin, found->key);
-    for (int i = 0; timed && i < DIRECT; i++) { /* the nearest block, then the next nearest */
-        int64_t nearest = (int64_t)nearbyint(clock.now);
-        int64_t block = i == 0 ? nearest : nearest + (clock.now > (double)nearest ? 1 : -1);
-        if (block < clock.first || block >= clock.stop) continue;
-        found->block = block;
-        if (leads(p, found)) return true;
-    }
-    if (!pair) return false;
-    p->scan.begin = begin;
-    memcpy(p->scan.key, found->key, KEY_BYTES);
-    span all = held_blocks(p);
-    for (int i = timed ? 0 : 1; i < 2; i++) {
-        p->scan.next = i ? all.first : clock.first;
-        p->scan.stop = i ? all.stop : clock.stop;
-        if (p->scan.next >= p->scan.stop) continue;
-        if (!afford(p, p->scan.stop - p->scan.next)) p->scan.next = p->scan.stop;
-        else if (go_on(p, SCAN_HASHES, found)) return true;
+    forget_guesses(p, begin - l->block);
+    uint32_t hidden = 0;
+    for (int i = 0; i < CANDIDATES && p->scan.next >= p->scan.stop; i++, hidden++) {
+        hidden = cue_tag_search(p->trusted.channel, found->key, hidden, l->block - l->quick,
+                                covered->covered, covered->bytes, (uint32_t)quick);
+        if (hidden == 65536) break;
+        keep_guess(p, begin, found->key);
+        if (is_placed(p, begin, timed ? &clock : 0, found)) return true;
     }
     return false;
 }

@@ -119,6 +119,21 @@ def test_tuned_in_by_trying() -> None:
     assert verifier.verified_after == 13
 
 
+TWO_KEYS_SEED = 485
+"""In the first block of a programme with these superframes the quick tag agrees under two keys, the
+wrong one first in the order of their hidden bits, as in one block of 512."""
+
+
+@pytest.mark.parametrize(("clock_s", "blocks"), [(BEGIN_S, 1), (None, 2)])
+def test_a_wrong_key_beside_the_right_one_costs_no_block(
+    clock_s: float | None, blocks: int
+) -> None:
+    verifier = Verifier(announced(), tolerance_s=5.0, likely_s=(BEGIN_S,))
+    run(verifier, enumerate(signed(33, seed=TWO_KEYS_SEED)), clock_s)
+    assert verifier.status == "verified"
+    assert verifier.verified_after == blocks * LAYOUTS[9].block
+
+
 @pytest.mark.usefixtures("quick")
 def test_a_recording_is_found_near_a_likely_time_and_anywhere() -> None:
     for likely_s in ((BEGIN_S - 3000,), (BEGIN_S + 2e6,), ()):

@@ -18,6 +18,7 @@ from codec.authentication.verifier import Verifier
 from codec.superframe.bits import Header
 from codec.superframe.checks import proved, with_check, with_proof
 from cuecast.conformance.program import Program
+from tests.codec.authentication import test_authentication as genuine_stream
 from tests.codec.quick_search import quick_search
 from tests.receiver.native.building import NATIVE, built
 from watermark import AudioEmbedder
@@ -70,6 +71,23 @@ def test_the_verdicts_of_the_toolkit(
         expected |= {str(v.index): v.status for v in verifier.finish()}
         assert program.ask("verdicts")["statuses"] == expected
     assert len(set(expected.values())) > 1 or clock_s == 40.0
+
+
+@pytest.mark.parametrize("clock_s", [genuine_stream.BEGIN_S, None])
+def test_a_wrong_key_beside_the_right_one(tmp_path: Path, clock_s: float | None) -> None:
+    """The right one is the second: found by the clock, and by the key of the block after."""
+    sent = genuine_stream.signed(33, seed=genuine_stream.TWO_KEYS_SEED)
+    genuine_stream.announced().save(tmp_path / "public.json")
+    with Program([built("cue_conform")]) as program:
+        text = (tmp_path / "public.json").read_bytes()
+        program.ask("trust", file=text.hex(), tolerance_ms=10000)
+        for index, (covered, (field, width)) in enumerate(sent[: 16 if clock_s else 32]):
+            clock = {"utc_ms": round(1000 * (clock_s + SUPERFRAME_S * index))} if clock_s else {}
+            program.ask(
+                "proof", index=index, covered=covered.hex(), field=field, width=width, **clock
+            )
+        statuses = program.ask("verdicts")["statuses"]
+    assert "verified" in statuses.values()
 
 
 def test_files_that_are_not_trusted(public: Path) -> None:
