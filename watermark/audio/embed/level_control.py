@@ -38,8 +38,9 @@ GIVE_UP = 0.6
 """A stretch that grades this much below the wanted grade is written more softly, and left unmarked
 if that does not help at the lowest level."""
 
-QUIET_GRADE = -0.12
-"""Grade aimed at where a rehearsal says that it is enough: hardly anybody hears that."""
+QUIET_GRADE = -0.15
+"""Grade aimed at where a rehearsal says that it is enough: hardly anybody hears that. With -0.12
+thirteen such clips lost 142 of 481 superframes through AAC, MP3 and AAC, with this 112."""
 
 STRIVING, STRIVING_LIMITS = 0.5, (-0.15, 0.05)
 """Part of what levels lack that the next stretch's grade makes good, and its limits."""
