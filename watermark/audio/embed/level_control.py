@@ -266,6 +266,8 @@ class LevelControl:
                     break
                 steps = max(round(math.log2(loss / SPOILT)), 1)
                 chosen = hear(max(base - SOFTER * steps, softest))
+            if enough is not None:
+                chosen = self._forgo(hear, chosen, enough)
             chosen = self._bound(hear, chosen, least)
         passage = self._passage.add(chosen.meter, self.base)
         if passage is not None and grade is not None:
@@ -293,6 +295,22 @@ class LevelControl:
         """Return what a stretch takes from the passage's grade by itself being below it."""
         low = heard.grade is not None and heard.grade < self._target
         return self._passage.loss(heard.meter) if low else 0.0
+
+    def _forgo(
+        self,
+        hear: Callable[[float | None], _HeardAttempt[T]],
+        chosen: _HeardAttempt[T],
+        enough: float,
+    ) -> _HeardAttempt[T]:
+        """Lower the base at once where a stretch that has more than enough grades too low."""
+        for _ in range(TRIALS):
+            base, grade = chosen.base, chosen.grade
+            if base is None or grade is None or grade >= self._wanted or base <= enough:
+                break
+            lowered = max((self._wanted - grade) / GRADES_PER_LEVEL, LEAST_STEP)
+            self.base = max(base - lowered, enough)
+            chosen = hear(self.base)
+        return chosen
 
     def _bound(
         self,
