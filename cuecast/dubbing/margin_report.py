@@ -2,7 +2,7 @@
 
 In: the margin of each superframe, see `AudioEmbedder.margins`; out: the object ``margin`` of the
 report of ``dub``, and its lines of text. A margin of 1 is as much information as the bits of the
-message and its checks: of 287 superframes of eight programmes through the named coder, with other
+message and its checks: of 287 superframes of seven programmes through the named coder, with other
 payloads, 47 of 49 below 1 were lost, 2 of 18 from 1 to 1.3, none above.
 """
 
@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING
+from watermark.audio.embed.levels import LEVELS_PER_DOUBLING
 from watermark.audio.embed.level_control import GRADES_PER_LEVEL
 from watermark.audio.embed.report import SuperframeMargin
 from watermark.link.superframe import SUPERFRAME_S

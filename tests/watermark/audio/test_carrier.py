@@ -6,8 +6,9 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.embed.design import HIGHEST_LEVEL, pre_echoing
-from watermark.audio.embed.embedder import AudioEmbedder, _bounded
+from watermark.audio.embed.design import pre_echoing
+from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.embed.levels import HIGHEST_LEVEL, bounded_level
 from watermark.audio.receiver import MAX_MISSES, AudioReceiver
 from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.signal.profile import LEVELS
@@ -236,6 +237,6 @@ def test_above_the_last_step_more_of_the_error_is_removed(channels: int) -> None
     assert confidence(last) < 0.8
     assert confidence(HIGHEST_LEVEL) > 0.9
     # Only where the whole passage stands so high: not a single superframe that needs much.
-    assert _bounded(last + 1.5, last - 4.0) == last
-    assert _bounded(last + 1.5, last + 1.0) == last + 1.0
-    assert _bounded(last + 9.0, last + 4.0) == HIGHEST_LEVEL
+    assert bounded_level(last + 1.5, last - 4.0) == last
+    assert bounded_level(last + 1.5, last + 1.0) == last + 1.0
+    assert bounded_level(last + 9.0, last + 4.0) == HIGHEST_LEVEL

@@ -16,7 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.embed.design import HostSpectra, nearest_level
+from watermark.audio.embed.design import HostSpectra
+from watermark.audio.embed.levels import LEVELS_PER_DOUBLING, nearest_level
 from watermark.audio.embed.stereo_design import StereoDesigner
 from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
@@ -31,9 +32,6 @@ LEARNING_S = 2.0
 
 LONGEST_DELAY = 8192
 """Greatest delay of a coder in samples."""
-
-LEVELS_PER_DOUBLING = 2.0
-"""Levels that double a superframe's information, about."""
 
 RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.5, 0.1, 4.0, 0.1
 """Noise that coders hear first: its length, its deviation, the factor of every third part, and the

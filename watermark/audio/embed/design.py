@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from watermark.audio.embed.levels import nearest_level, share_of
 from watermark.audio.follow.align import thresholds_of
 from watermark.audio.signal.channel_choice import MID
 from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.mdct import analyse, frames_of, synthesise
-from watermark.audio.signal.profile import HOP, LEVELS, PILOT_SLOTS, AudioProfile
+from watermark.audio.signal.profile import HOP, PILOT_SLOTS, AudioProfile
 from watermark.audio.signal.required_level import coder_noise, needed_level
 from watermark.link.link import Link
 
@@ -40,10 +41,6 @@ CARRYING = 0.15
 """A superframe with a smaller share of living cells cannot carry and is left as it is: with 0.35
 sparse speech lost superframes that arrive with a quarter of their cells, with 0.1 nearly all that
 are written more are lost."""
-
-HIGHEST_LEVEL = len(LEVELS) + 1.0
-"""Highest level of a mark. Two levels above the last step 0.85 of the quantisation error is removed
-in place of 0.6, which leaves half as much information again where noise leaves little."""
 
 HostSpectra = tuple[NDArray[np.complex64], NDArray[np.complex64]]
 """Spectra of mid and side of a superframe without any mark, and of the frame before: each of shape
@@ -97,8 +94,9 @@ class MarkDesigner:
         payload : tuple of (bytes, bytes)
             L0 and L1.
         level : float
-            Index into `LEVELS`, up to `HIGHEST_LEVEL`; what lies between two of them or above has
-            the step of the nearest one and a part of the quantisation error that makes up for it.
+            Index into `LEVELS`, up to `HIGHEST_LEVEL` of `levels`; what lies between two of them or
+            above has the step of the nearest one and a part of the quantisation error that makes up
+            for it.
         rounds : int
             How often the mask is derived.
         leaning : int, optional
@@ -190,16 +188,6 @@ class MarkDesigner:
             alpha=self._pilot_alpha * share,
         )
         return data + pilots, living
-
-
-def nearest_level(level: float) -> int:
-    """Level whose step a mark has."""
-    return min(round(level), len(LEVELS) - 1)
-
-
-def share_of(level: float) -> np.float32:
-    """Part of alpha that makes up for the step of the nearest level."""
-    return np.float32(2 ** ((level - nearest_level(level)) / 4))
 
 
 def _powers(spectra: NDArray[np.complex64]) -> NDArray[np.float32]:

@@ -13,11 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.audio.embed.codec_loop import LEVELS_PER_DOUBLING, MARGIN, CodecLoop
-from watermark.audio.embed.design import HIGHEST_LEVEL, HostSpectra, MarkDesigner
+from watermark.audio.embed.codec_loop import MARGIN, CodecLoop
+from watermark.audio.embed.design import HostSpectra, MarkDesigner
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
+from watermark.audio.embed.levels import (
+    EQUALISATION,
+    LEVELS_PER_DOUBLING,
+    NEUTRAL_NEED,
+    bounded_level,
+    level_of,
+)
 from watermark.audio.embed.multichannel import MarkShares
-from watermark.audio.embed.report import EmbedReport, SuperframeMargin
+from watermark.audio.embed.report import EmbedReport, SuperframeMargin, spans_of
 from watermark.audio.embed.stereo_design import StereoDesigner, leaning_of
 from watermark.audio.signal.mix import add_mark, check_format, front_of, mid_of, side_of
 from watermark.audio.signal.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
@@ -27,9 +34,6 @@ from watermark.link.superframe import SUPERFRAME_S
 
 STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
-
-EQUALISATION = 0.8
-"""Part of the differences in need that the levels follow; the need is an estimate."""
 
 MEASURED = 0.24
 """Standard deviation of the level that a rehearsal finds, in levels: information that is measured
@@ -61,9 +65,6 @@ FIRST_BASE = 5.5
 
 PASSAGE_SUPERFRAMES = 32
 """Superframes whose sufficient levels are remembered: 20 s."""
-
-NEUTRAL_NEED = 5.0
-"""Need of a superframe that is written at the base level."""
 
 SHORT = (0.5, -0.25)
 """Levels that a passage of two channels lacks at least so that all its cells are written in the
@@ -265,7 +266,7 @@ class AudioEmbedder:
             superframes=self._next - len(self._silent),
             snr_db=snr_db,
             odg=None if self._control is None else self._control.grade,
-            silent_s=_spans(self._silent),
+            silent_s=spans_of(self._silent),
             net_bps=self._profile.net_bps,
             gross_bps=self._profile.gross_bps,
         )
@@ -309,13 +310,13 @@ class AudioEmbedder:
                 nonlocal last
                 levels = None
                 if base is not None:
-                    levels = [_level(base, need) for need in needs]
+                    levels = [level_of(base, need) for need in needs]
                     if sufficient is not None and base != QUIETEST:
                         above = max(control.base, floor) - sufficient + base - control.base
                         levels = [
                             plain
                             if least is None
-                            else _bounded(
+                            else bounded_level(
                                 least + above + spare * max(plain - least - above, 0.0), base
                             )
                             for plain, least in zip(levels, enough, strict=True)
@@ -368,7 +369,7 @@ class AudioEmbedder:
             base = self._control.base if self._enough else FIRST_BASE
             self._rehearsal.send(
                 *self._sound(first, count),
-                [_level(base, need) for _, need in looked],
+                [level_of(base, need) for _, need in looked],
                 apart=self._rows == 2 and self._apart,
                 clean=[spectra for spectra, _ in looked],
             )
@@ -482,29 +483,3 @@ class AudioEmbedder:
         for tape in (self._mark, self._across, self._taken):
             tape.forget(int(self._given * ratio) - 2 * tape.reach(ratio))
         return add_mark(x, mark, across, taken).astype(np.float32)
-
-
-def _level(base: float, need: float = NEUTRAL_NEED) -> float:
-    """Level of a superframe at a base level."""
-    return _bounded(base + EQUALISATION * (need - NEUTRAL_NEED), base)
-
-
-def _bounded(level: float, base: float) -> float:
-    """Level within those that a superframe may have: above the last step where the base is, too.
-
-    There the grade leaves room to all; a single one that needs more is heard more than it gains.
-    """
-    highest = min(max(base, len(LEVELS) - 1.0), HIGHEST_LEVEL)
-    return min(max(level, 0.0), highest)
-
-
-def _spans(superframes: list[int]) -> tuple[tuple[float, float], ...]:
-    """Join neighbouring superframe numbers to stretches of seconds."""
-    spans: list[tuple[float, float]] = []
-    for k in superframes:
-        start, end = k * SUPERFRAME_S, (k + 1) * SUPERFRAME_S
-        if spans and abs(spans[-1][1] - start) < 1e-6:
-            spans[-1] = (spans[-1][0], end)
-        else:
-            spans.append((start, end))
-    return tuple(spans)

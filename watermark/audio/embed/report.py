@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from watermark.link.superframe import SUPERFRAME_S
+
 
 @dataclass(frozen=True, slots=True)
 class EmbedReport:
@@ -64,3 +66,15 @@ class SuperframeMargin:
     margin: float
     coder: str
     loudest: bool = False
+
+
+def spans_of(superframes: list[int]) -> tuple[tuple[float, float], ...]:
+    """Join neighbouring superframe numbers to stretches of seconds."""
+    spans: list[tuple[float, float]] = []
+    for k in superframes:
+        start, end = k * SUPERFRAME_S, (k + 1) * SUPERFRAME_S
+        if spans and abs(spans[-1][1] - start) < 1e-6:
+            spans[-1] = (spans[-1][0], end)
+        else:
+            spans.append((start, end))
+    return tuple(spans)

@@ -17,9 +17,8 @@ from watermark.audio.embed.design import (
     HostSpectra,
     MarkDesigner,
     MarkedSuperframe,
-    nearest_level,
-    share_of,
 )
+from watermark.audio.embed.levels import nearest_level, share_of
 from watermark.audio.signal.channel_choice import LEFT, MID, RIGHT, make_places
 from watermark.audio.signal.dither import mark_change
 from watermark.audio.signal.layout import Cells
