@@ -11,8 +11,8 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from watermark.audio.embed.levels import LEVELS_PER_DOUBLING
 from watermark.audio.embed.level_control import GRADES_PER_LEVEL
+from watermark.audio.embed.levels import LEVELS_PER_DOUBLING
 from watermark.audio.embed.report import SuperframeMargin
 from watermark.link.superframe import SUPERFRAME_S
 
