@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from watermark.video import _kernels
 from watermark.video._place_kernels import fine_texture_into, halve_into
-from watermark.video.bars import content_box
+from watermark.video.bars import content_box, places_around
 from watermark.video.grid import WHOLE, Region
 from watermark.video.lattices import BLUR, PILOT_TEXTURES, SEEN_TEXTURE
 from watermark.video.layout import common_pilots
@@ -70,10 +70,6 @@ NEAR = 0.002
 
 MIDDLE = Region(-1 / 6, 0.0, 4 / 3, 1.0)
 """The middle of 16:9 in 4:3."""
-
-LETTERBOX = Region(0.0, 1 / 8, 1.0, 3 / 4)
-"""16:9 in 4:3, between bars; looked at where the content is smaller still, for wide films have bars
-of their own, which are marked with them."""
 
 _SINE = np.sin(2 * np.pi * (np.arange(512) + 0.5) / 512).astype(np.float32)
 _COSINE = np.cos(2 * np.pi * (np.arange(512) + 0.5) / 512).astype(np.float32)
@@ -182,9 +178,7 @@ class PlaceSearch:
         halve_into(self._still, self._half)
         self._scores.take_texture(self._half)
         box = content_box(mean)
-        usual = [self._whole, MIDDLE if box == WHOLE else box]
-        if box.top > LETTERBOX.top and box.top + box.height < LETTERBOX.top + LETTERBOX.height:
-            usual.append(LETTERBOX)
+        usual = [self._whole, MIDDLE if box == WHOLE else box, *places_around(box)]
         # What looks like bars may be a part of the picture: a planet in a black sky.
         boxes = [self._whole] if box == WHOLE else [self._whole, box]
         found = [

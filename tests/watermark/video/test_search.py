@@ -63,11 +63,13 @@ def test_bars_on_all_sides() -> None:
     assert (place.width * 1000, place.height * 600) == pytest.approx((WIDTH, HEIGHT), abs=2)
 
 
-def test_wide_film_in_a_letterbox() -> None:
-    """Its own bars are a part of the marked picture, those of the letterbox are not."""
+@pytest.mark.parametrize("axis", [0, 1], ids=["above and below", "at the sides"])
+def test_film_with_bars_of_its_own_in_a_letterbox(axis: int) -> None:
+    """They are a part of the marked picture, those of the letterbox are not."""
     frames = [picture(n).copy() for n in range(32)]
     for frame in frames:
-        frame[:45] = frame[-45:] = 16
+        lines = np.moveaxis(frame, axis, 0)
+        lines[:45] = lines[-45:] = 16
     marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, source()))[16:32]
     shown = [np.full((HEIGHT * 4 // 3, WIDTH), 16, dtype=np.uint8) for _ in marked]
     for frame, content in zip(shown, marked, strict=True):
@@ -120,6 +122,13 @@ def test_black_picture_has_no_bars() -> None:
                 even = (lines.std(axis=1) < 1.5) & (abs(lines.mean(axis=1) - lines[0].mean()) < 3)
                 arguments = (np.ascontiguousarray(shown), axis, back, 1.5, 3.0)
                 assert _place_kernels.even_lines(*arguments) == int(even.argmin())
+
+
+def test_title_on_an_even_ground_has_the_bars_above_and_below_alone() -> None:
+    shown = np.full((360, 640), 16, dtype=np.float32)
+    shown[45:315] = 70
+    shown[150:200, 290:350] += 40 * (np.add.outer(np.arange(50), np.arange(60)) % 2)
+    assert content_box(shown) == Region(0, 1 / 8, 1, 3 / 4)
 
 
 def test_reduced_picture_has_the_amplitudes_of_the_whole_one() -> None:
