@@ -28,6 +28,7 @@ from synth.language.subtitles import Subtitle, read_subtitles
 from synth.planning.prosody.pacing import READABLE
 from synth.planning.prosody.simulation import PerformerChoice
 from synth.planning.scoring.text_score import Reading, score_of_subtitles
+from watermark.link.superframe import SUPERFRAME_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +135,9 @@ def _through(
             dubbed, coded, lambda *_: Unchanged(), codec=channel.encoder, bit_rate=channel.bit_rate
         )
         row = {"clip": clip.stem, "channel": name}
-        row |= _received(coded, sent, voice, report["superframes"])
+        # The programme's end may cut off one more, which nobody receives.
+        whole = min(report["superframes"], int(report["duration_s"] / SUPERFRAME_S + 1e-6))
+        row |= _received(coded, sent, voice, whole)
         audio = report["carriers"]["audio"]
         row |= {"odg": audio.get("odg"), "snr_db": audio["snr_db"], "dub_xrt": round(dub_xrt, 1)}
         rows.append(row)
