@@ -25,7 +25,7 @@ from cuecast.evaluate.picture_channels import find_channel, send
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.link.superframe import SUPERFRAME_S
-from watermark.video import borders, demodulate, lattices, track
+from watermark.video import borders, demodulate, lattices, recent_frames, track
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode, make_modes
@@ -155,8 +155,8 @@ class Windows:
             values = film.values[start : start + timing.window].astype(np.float64)
             if len(values) < timing.window:
                 break
-            before = film.values[max(0, start - track.LAG_FRAMES) : start or 1]
-            rise = values[-track.LAG_FRAMES :].mean(axis=0) - before.mean(axis=0)
+            before = film.values[max(0, start - recent_frames.LAG_FRAMES) : start or 1]
+            rise = values[-recent_frames.LAG_FRAMES :].mean(axis=0) - before.mean(axis=0)
             first = -(-start // TEXTURE_EVERY)
             last = first + timing.window // TEXTURE_EVERY
             texture = film.textures[first:last].mean(axis=0).astype(np.float64)

@@ -7,7 +7,7 @@ spec/video-carrier.md, section 6.
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from watermark.link.link import Decoded
 from watermark.link.superframe import ReceivedSuperframe
 from watermark.video.borders import TRUST, BorderClock
-from watermark.video.demodulate import FLAT, LAG_MOTION, LAGS, Soft, soft_bits, without_lag
+from watermark.video.demodulate import LAGS, Soft, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
-from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY, VideoProfile
+from watermark.video.profile import COLUMNS, ROWS, VideoProfile
+from watermark.video.recent_frames import PLAIN, RecentFrames, WindowReading
 from watermark.video.timing import Timing
 
 Luma = NDArray[Any]
@@ -46,10 +47,6 @@ LATE_BEGINS = 0.0, 0.25, 0.5, 0.75
 """Where in its window a late pattern may begin to be seen: a coder shows it from its next good
 picture on, and the one before until then."""
 
-LAG_FRAMES = 2
-"""Frames at the end of a window, and before it, whose difference shows how much a picture with a
-lag still changes."""
-
 FLAT_BEGINS = 0.5, 0.75
 """Where in a window flat cells are also taken from: coders and cleaners leave them longest as they
 were, while textured ones show the new pattern at once, and their whole window is less noisy."""
@@ -66,28 +63,6 @@ flat cells for seconds, and every second superframe its pilots agree."""
 
 LATES = 1
 """Late superframes in a row that are read so; of more, it is rather the picture that is late."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """How the frames of a window become one mean.
-
-    Attributes
-    ----------
-    part : tuple of int, optional
-        First frame that counts, and the one after the last; None for the window.
-    flat : tuple of int, optional
-        The same for flat cells alone.
-    lag : float
-        Lag that is taken back, see `without_lag`.
-    """
-
-    part: tuple[int, int] | None = None
-    flat: tuple[int, int] | None = None
-    lag: float = 0.0
-
-
-PLAIN = _Reading()
 
 
 class VideoTracker:
@@ -115,23 +90,17 @@ class VideoTracker:
     """
 
     def __init__(self, grid: Grid, timing: Timing, *, key: int = 0, strength: float = 1.0) -> None:
-        self._grid, self._timing = grid, timing
-        self._seen = grid.seen.reshape(-1)
+        self._timing = timing
         self._watch = PilotWatch(key, strength)
         self._guard = max(1, round(self._timing.span / 6))
-        self._kept = self._timing.window + 2 * self._guard + math.ceil(self._timing.span)
-        self._frames: deque[FloatArray] = deque(maxlen=self._kept)
-        self._textures: deque[tuple[int, FloatArray]] = deque(
-            maxlen=self._kept // TEXTURE_EVERY + 1
-        )
+        kept = self._timing.window + 2 * self._guard + math.ceil(self._timing.span)
+        self._frames = RecentFrames(grid, self._timing.window, kept)
         self._agreement: deque[FloatArray] = deque(maxlen=2 * self._guard + 1)
         self._pilots = np.zeros((self._timing.window, len(self._watch.positions)))
         self._pilot_textures: tuple[tuple[int, ...] | None, FloatArray] = None, np.zeros(0)
         self._pilot_cells = self._watch.positions % (ROWS * COLUMNS)
-        self._nowhere = np.zeros(TEMPLATES * ROWS * COLUMNS)
         self._clock = BorderClock(timing, self._watch)
         self._clocked = 0  # frames that the clock has seen
-        self._count = 0
         self._due: float | None = None
         self._last = -math.inf
         self._newest: tuple[int, bytes] | None = None
@@ -141,8 +110,10 @@ class VideoTracker:
         window = self._timing.window
         ends = window, window + self._guard
         parts = [(round(begin * window), end) for begin in FLAT_BEGINS for end in ends]
-        self._lagged = [_Reading(lag=lag) for lag in LAGS]
-        self._lagged += [_Reading(flat=part, lag=lag) for part in parts for lag in (0.0, *LAGS)]
+        self._lagged = [WindowReading(lag=lag) for lag in LAGS]
+        self._lagged += [
+            WindowReading(flat=part, lag=lag) for part in parts for lag in (0.0, *LAGS)
+        ]
         self._misses = 0
         self._mode = 0
         self.errors = self.known = 0
@@ -159,29 +130,28 @@ class VideoTracker:
 
         While locked, a superframe that could not be decoded is given with l0 = None.
         """
-        if self._count % TEXTURE_EVERY == 0:
-            self._textures.append((self._count, self._grid.texture(luma).reshape(-1)))
-        return self._advance(self._grid.project(luma).reshape(-1))
+        self._frames.take(luma)
+        return self._advance()
 
     def go_on(self, grid: Grid) -> None:
         """Take the next frames at another size; their place is that of the ones before."""
-        self._grid, self._seen = grid, grid.seen.reshape(-1)
+        self._frames.go_on(grid)
 
     def flush(self) -> list[ReceivedSuperframe]:
         """Return the superframes in the last frames."""
         found = []
         # Twice: a position that is late has its window that much later.
-        for _ in range(2 * self._guard if self._frames else 0):
-            found += self._advance(self._frames[-1])
+        for _ in range(2 * self._guard if self._frames.count else 0):
+            self._frames.repeat()
+            found += self._advance()
         return found
 
-    def _advance(self, values: FloatArray) -> list[ReceivedSuperframe]:
-        self._frames.append(values)
-        self._pilots[self._count % len(self._pilots)] = values[self._watch.positions]
-        self._count += 1
+    def _advance(self) -> list[ReceivedSuperframe]:
+        count = self._frames.count
+        self._pilots[count % len(self._pilots)] = self._frames.newest[self._watch.positions]
         self._agreement.append(self._newest_agreement())
         # The window in question ended `guard` frames ago, so that its neighbours are known too.
-        start = self._count - self._guard - self._timing.window
+        start = count - self._guard - self._timing.window
         if start < 0:
             return []
         if self._due is not None and start == round(self._due):
@@ -208,12 +178,12 @@ class VideoTracker:
 
     def _on_time(self, place: float) -> float:
         """Correct the place of a window by the borders of the frames so far."""
-        first = max(self._clocked, self._count - len(self._frames))
-        values = [self._frames[n][self._watch.positions] for n in range(first - self._count, 0)]
-        if values:
-            texture = self._texture(round(place))[self._pilot_cells]
-            self._clock.add(first, np.array(values), texture)
-        self._clocked = self._count
+        first, count = max(self._clocked, self._frames.oldest), self._frames.count
+        if first < count:
+            values = self._frames.values(first, (0, count - first), self._watch.positions)
+            texture = self._frames.texture(round(place))[self._pilot_cells]
+            self._clock.add(first, values, texture)
+        self._clocked = count
         lead = (self._timing.span - self._timing.window) / 2
         trust = TRUST if self._due is not None else 0.0
         return place + self._clock.correction(place - lead, trust=trust)
@@ -221,7 +191,7 @@ class VideoTracker:
     def _before(self, start: float) -> list[ReceivedSuperframe]:
         """Decode the superframe before the first one: its pilots alone may have been too weak."""
         place = start - self._timing.span
-        if place < max(self._count - len(self._frames), self._last + self._timing.span / 2):
+        if place < max(self._frames.oldest, self._last + self._timing.span / 2):
             return []
         modes = [self._mode, *self._steps_of(self._mode)]
         tries = [self._decode(round(place), mode) for mode in modes]
@@ -249,7 +219,7 @@ class VideoTracker:
             self._clock.clear()
         if late:
             # Its border was not seen where it is.
-            self._clocked = self._count
+            self._clocked = self._frames.count
             self._lates += 1
             return self._deliver(self._due, soft, decoded)
         self._lates = 0
@@ -304,11 +274,8 @@ class VideoTracker:
         parity = self._parity(start)
         if parity is None:
             return []
-        window, texture = self._timing.window, self._texture(start)[self._pilot_cells]
-        first = start - (self._count - len(self._frames))
-        pilots = np.array(
-            [self._frames[first + n][self._watch.positions] for n in range(window + self._guard)]
-        )
+        window, texture = self._timing.window, self._frames.texture(start)[self._pilot_cells]
+        pilots = self._frames.values(start, (0, window + self._guard), self._watch.positions)
         parts = list(product(LATE_BEGINS, (window, window + self._guard)))
         agreement = []
         for begin, end in parts:
@@ -316,7 +283,7 @@ class VideoTracker:
             signed = self._watch.signed_agreement(mean, texture)[number]
             agreement.append(signed * (1 - 2 * parity))
         begin, end = parts[int(np.argmax(agreement))]
-        soft, decoded = self._decode(start, number, _Reading((round(begin * window), end)))
+        soft, decoded = self._decode(start, number, WindowReading((round(begin * window), end)))
         return [(0, soft, decoded, True)] if soft.parity == parity else []
 
     def _parity(self, start: int) -> int | None:
@@ -332,7 +299,7 @@ class VideoTracker:
         plain, parity = self._agreement[self._guard][number], self._parity(start)
         ranked = []
         for offset, (n, reading) in product((0, -1, 1), enumerate(self._lagged)):
-            mean, _, texture = self._mean(start + offset, reading)
+            mean, _, texture = self._frames.mean(start + offset, reading)
             signed = self._watch.signed_agreement(mean[positions], texture[cells])[number]
             agreement = abs(signed) if parity is None else signed * (1 - 2 * parity)
             ranked.append((agreement, offset, n))
@@ -342,45 +309,14 @@ class VideoTracker:
             for _, offset, n in best
         ]
 
-    def _values(self, start: int, part: tuple[int, int] | None = None) -> FloatArray:
-        """Amplitudes in a window, or in these frames of it, shape (frames, POSITIONS)."""
-        first = start - (self._count - len(self._frames))
-        frames = range(*(part or (0, self._timing.window)))
-        # A picture's first frame stands for those before it, the newest for those to come.
-        newest = len(self._frames) - 1
-        return np.array([self._frames[min(max(0, first + n), newest)] for n in frames])
-
-    def _rise(self, start: int) -> FloatArray:
-        """By how much amplitudes at a window's end are above those before it."""
-        end = self._timing.window
-        before, last = (-LAG_FRAMES, 0), (end - LAG_FRAMES, end)
-        return np.asarray(
-            self._values(start, last).mean(axis=0) - self._values(start, before).mean(axis=0)
-        )
-
-    def _mean(self, start: int, reading: _Reading) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mean of each amplitude in a window, its variance there, and the texture of each cell."""
-        values, texture = self._values(start, reading.part), self._texture(start)
-        mean, variance = values.mean(axis=0), values.var(axis=0)
-        textures, left = np.tile(texture, TEMPLATES), 1.0
-        if reading.flat:
-            late = self._values(start, reading.flat).mean(axis=0)
-            mean = np.where(textures < FLAT, late, mean)
-            # What is left of the pattern before fades in the course of the window.
-            left = 1 - reading.flat[0] / self._timing.window
-        if reading.lag:
-            mean = without_lag(mean, left * self._rise(start), textures, reading.lag)
-            variance *= LAG_MOTION
-        return mean, variance, texture
-
     def _decode(
-        self, start: int, number: int, reading: _Reading = PLAIN, *, parity: int | None = None
+        self, start: int, number: int, reading: WindowReading = PLAIN, *, parity: int | None = None
     ) -> tuple[Soft, Decoded]:
         """Decode a window, read in one way or another."""
         mode = self._watch.modes[number]
-        mean, variance, texture = self._mean(start, reading)
+        mean, variance, texture = self._frames.mean(start, reading)
         soft = soft_bits(mean, variance, mode, texture, parity)
-        soft.ratios[~self._seen[mode.layout.data]] = 0.0
+        soft.ratios[~self._frames.seen[mode.layout.data]] = 0.0
         size = LONG_LIST if reading in self._lagged else LIST
         decoded = mode.link.decode(soft.ratios, list_size=size)
         shown = None if parity is not None or soft.agreement < THRESHOLD else soft.parity
@@ -429,23 +365,17 @@ class VideoTracker:
 
     def _newest_agreement(self) -> FloatArray:
         """Agreement of each mode's pilots over the newest window."""
-        if self._count < self._timing.window:
+        if self._frames.count < self._timing.window:
             return np.zeros(len(self._watch.modes))
         return self._watch.agreement(self._pilots.mean(axis=0), self._newest_texture())
 
     def _newest_texture(self) -> FloatArray:
         """Texture of each pilot's cell in the newest window."""
-        start = self._count - self._timing.window
-        there = tuple(count for count, _ in self._textures if count >= start)
+        start = self._frames.count - self._timing.window
+        there = self._frames.textured(start)
         if there != self._pilot_textures[0]:
-            self._pilot_textures = there, self._texture(start)[self._pilot_cells]
+            self._pilot_textures = there, self._frames.texture(start)[self._pilot_cells]
         return self._pilot_textures[1]
-
-    def _texture(self, start: int) -> FloatArray:
-        """Texture of each cell in a window, shape (ROWS * COLUMNS,)."""
-        window = range(start, start + self._timing.window)
-        seen = [texture for count, texture in self._textures if count in window]
-        return np.mean(seen, axis=0) if seen else self._nowhere[: ROWS * COLUMNS]
 
     def _is_peak(self) -> bool:
         if len(self._agreement) < 2 * self._guard + 1:
