@@ -27,6 +27,7 @@ from watermark.audio.follow.purse import (
 )
 from watermark.audio.follow.recurrence import PlacedCandidate, Recurrences
 from watermark.audio.follow.stretched import StretchedFollower
+from watermark.audio.follow.stretched_place import MAX_MISSES
 from watermark.audio.follow.track import Track
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.search.acquire import Candidate
@@ -39,9 +40,6 @@ from watermark.audio.signal.profile import FS, HOP, SLOT_FRAMES, SUPERFRAME, Aud
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.inputs import checked_block
 from watermark.link.superframe import ReceivedSuperframe
-
-MAX_MISSES = 6
-"""Superframes in a row that may fail before the lock of a lone carrier is given up."""
 
 HISTORY_S, HUNTED_S, LONG_HISTORY_S = 2.4, 6.0, 15.0
 """Sound that is kept while superframes are read, enough to search again from one that failed;

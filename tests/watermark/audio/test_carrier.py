@@ -9,7 +9,8 @@ from codec.errors import CueError
 from watermark.audio.embed.design import pre_echoing
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.embed.levels import HIGHEST_LEVEL, bounded_level
-from watermark.audio.receiver import MAX_MISSES, AudioReceiver
+from watermark.audio.follow.stretched_place import MAX_MISSES
+from watermark.audio.receiver import AudioReceiver
 from watermark.audio.search.sliding_search import PilotSearch
 from watermark.audio.signal.profile import LEVELS
 from watermark.audio.signal.sample_buffer import SampleBuffer

@@ -10,8 +10,9 @@ from codec.errors import CueError
 from cuecast.dubbing.coder_stream import CoderChain, CoderStream, chains_of, make_rehearsal
 from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
+from watermark.audio.embed.levels import HIGHEST_LEVEL
 from watermark.audio.receiver import AudioReceiver
-from watermark.audio.signal.profile import DISCREET, FS, ROBUST, STANDARD
+from watermark.audio.signal.profile import DISCREET, FS, LEVELS, ROBUST, STANDARD
 
 Sound = NDArray[np.float32]
 
@@ -76,6 +77,27 @@ def test_margins_are_reported_of_what_was_written() -> None:
     assert 15 not in margins
     assert margins[10].coder == "drowning"
     assert margins[10].margin < margins[3].margin
+
+
+class Asking(CodecLoop):
+    """A rehearsal that asks for more than there is, and gives levels as margins."""
+
+    def enough(self, number: int) -> float:
+        return HIGHEST_LEVEL + 7.0
+
+    def margin(self, number: int, level: float) -> tuple[float, str]:
+        return level, "asking"
+
+
+def test_only_marks_at_the_highest_level_of_all_are_the_loudest() -> None:
+    x = np.random.default_rng(1).normal(0, 0.05, (6 * FS, 1)).astype(np.float32)
+    asking = Asking(STANDARD, 0)
+    embedder = AudioEmbedder(FS, 1, lambda k: (bytes(20), bytes(7)), grade=-1.5, rehearsal=asking)
+    embedder.process(x)
+    embedder.flush()
+    levels = {one.margin: one.loudest for one in embedder.margins()}
+    assert len(LEVELS) - 1 < min(levels) < max(levels) == HIGHEST_LEVEL
+    assert levels == {level: level == HIGHEST_LEVEL for level in levels}
 
 
 class Clear:

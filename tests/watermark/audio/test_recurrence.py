@@ -1,12 +1,6 @@
 import numpy as np
 
-from watermark.audio.follow.recurrence import (
-    EXPECTED,
-    IN_STEP,
-    REMEMBERED,
-    PlacedCandidate,
-    Recurrences,
-)
+from watermark.audio.follow.recurrence import IN_STEP, REMEMBERED, PlacedCandidate, Recurrences
 from watermark.audio.search.acquire import Candidate
 from watermark.audio.signal.profile import SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer
@@ -45,9 +39,9 @@ def test_superframes_after_two_in_step_are_tried_where_they_should_lie() -> None
     tape.append(np.zeros(round(2.9 * SUPERFRAME)))
     assert recurrences.due(tape) is None
     tape.append(np.zeros(20 * SUPERFRAME))
-    found = [recurrences.due(tape) for _ in range(EXPECTED + 1)]
+    found = [recurrences.due(tape) for _ in range(REMEMBERED + 1)]
     assert [one and one.position for one in found] == [
-        *((2.0 + n) * SUPERFRAME for n in range(EXPECTED)),
+        *((2.0 + n) * SUPERFRAME for n in range(REMEMBERED)),
         None,
     ]
     assert found[0] is not None

@@ -29,13 +29,11 @@ has touched, and nothing that five clips showed through AAC at 128 kbit/s."""
 
 ATTACK_BLOCK, ATTACK_BEFORE, ATTACK = 120, 8, 16.0
 """Samples of a block, blocks before it, and by how much its power must exceed theirs, to be an
-attack: 2.5 ms against 20 ms, 12 dB, of the sound's differences."""
+attack: 2.5 ms against 20 ms, 12 dB, of the sound's differences. A block before it is covered by it,
+more is heard: such a frame is left unmarked."""
 
 ATTACK_LEAST = 1e-8
 """Power of differences below which nothing is an attack."""
-
-HEARD_BEFORE = 120
-"""Least samples before an attack that leave its frame unmarked: 2.5 ms are covered."""
 
 CARRYING = 0.15
 """A superframe with a smaller share of living cells cannot carry and is left as it is: with 0.35
@@ -216,5 +214,5 @@ def pre_echoing(sound: NDArray[np.float64]) -> NDArray[np.bool_]:
     before = np.maximum.reduce([around[i : i + power.size] for i in range(ATTACK_BEFORE)])
     attacks = np.flatnonzero(power > ATTACK * np.maximum(before, ATTACK_LEAST)) * ATTACK_BLOCK
     start = HOP * np.arange(1, sound.size // HOP - 1)[:, np.newaxis]
-    quiet = (attacks - start >= HEARD_BEFORE) & (attacks - start < 2 * HOP)
+    quiet = (attacks - start >= ATTACK_BLOCK) & (attacks - start < 2 * HOP)
     return np.asarray(quiet.any(axis=1))

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from watermark.audio.embed.codec_loop import MARGIN, CodecLoop
 from watermark.audio.embed.design import HostSpectra, MarkDesigner
+from watermark.audio.embed.graded_passage import PASSAGE
 from watermark.audio.embed.level_control import QUIETEST, LevelControl
 from watermark.audio.embed.levels import (
     EQUALISATION,
+    HIGHEST_LEVEL,
     LEVELS_PER_DOUBLING,
     NEUTRAL_NEED,
     bounded_level,
@@ -27,7 +29,7 @@ from watermark.audio.embed.multichannel import MarkShares
 from watermark.audio.embed.report import EmbedReport, SuperframeMargin, spans_of
 from watermark.audio.embed.stereo_design import StereoDesigner, leaning_of
 from watermark.audio.signal.mix import add_mark, check_format, front_of, mid_of, side_of
-from watermark.audio.signal.profile import FS, HOP, LEVELS, SUPERFRAME, find_profile
+from watermark.audio.signal.profile import FS, HOP, SUPERFRAME, find_profile
 from watermark.audio.signal.sample_buffer import SampleBuffer
 from watermark.link.inputs import checked_block, checked_payload
 from watermark.link.superframe import SUPERFRAME_S
@@ -62,9 +64,6 @@ MOST_LOWERED = LEVELS_PER_DOUBLING * math.log2(MARGIN / LEAST_MARGIN)
 
 FIRST_BASE = 5.5
 """Base level of the first rehearsal: what suffices as a rule."""
-
-PASSAGE_SUPERFRAMES = 32
-"""Superframes whose sufficient levels are remembered: 20 s."""
 
 SHORT = (0.5, -0.25)
 """Levels that a passage of two channels lacks at least so that all its cells are written in the
@@ -182,7 +181,7 @@ class AudioEmbedder:
         self._ahead = stretch if self._rehearsal else 0
         # Of the superframes from the next one on that were looked at: clean spectra and need.
         self._looked: dict[int, tuple[HostSpectra, float]] = {}
-        self._enough: deque[float] = deque(maxlen=PASSAGE_SUPERFRAMES)
+        self._enough: deque[float] = deque(maxlen=PASSAGE // 2 * STRETCH)
         self._level = level or 0
         self._apart = self._control is None
         self._programme: list[NDArray[np.float64]] = []
@@ -356,7 +355,7 @@ class AudioEmbedder:
             number = self._next + i
             found = self._rehearsal.margin(number, level)
             if found is not None and not made.silent[i]:
-                loudest = level >= len(LEVELS) - 1
+                loudest = level >= HIGHEST_LEVEL
                 self._margins.append(SuperframeMargin(number, *found, loudest))
 
     def _rehearse(self, end: int) -> None:

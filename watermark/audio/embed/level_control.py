@@ -8,19 +8,17 @@ forgets, and its memory is constant.
 Specification: spec/audio-carrier.md, W20 leaves the choice of levels to the embedder.
 """
 
-import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from codec.errors import CueError
-from watermark.audio.signal.profile import FS, LEVELS
+from watermark.audio.embed.graded_passage import PASSAGE, Attempt, GradedPassage
+from watermark.audio.signal.profile import LEVELS
 from watermark.quality import PeaqMeter
-from watermark.quality.peaq import WHOLE
 
 START_BASE = 7.5
 """Base level that is tried first."""
@@ -51,20 +49,8 @@ BASE_LIMITS = (-4.0, len(LEVELS) + 3.0)
 QUIETEST = -math.inf
 """Base level at which all superframes have the lowest level, even those that need more."""
 
-MOVE_LIMITS = (-1.5, 1.5)
-"""Greatest changes of the base between stretches, in levels."""
-
-
-class Attempt(Protocol):
-    """A stretch as it would sound."""
-
-    @property
-    def clean(self) -> NDArray[np.float64]:
-        """The programme's front, shape (n, 1 or 2)."""
-
-    @property
-    def marked(self) -> NDArray[np.float64]:
-        """The same with its mark."""
+LARGEST_MOVE = 1.5
+"""Greatest change of the base between stretches, in levels."""
 
 
 T = TypeVar("T", bound=Attempt)
@@ -80,11 +66,8 @@ class _HeardAttempt(Generic[T]):
     grade: float | None
 
 
-PASSAGE = 16
-"""Stretches of a passage: 41 s."""
-
-HALVES, OWN = ("even", "odd"), "own"
-"""Names of the meter's averages: two that begin half a passage apart, and a stretch's own."""
+Hear = Callable[[float | None], _HeardAttempt[T]]
+"""Writes a stretch at a base level, see `LevelControl.settle`, and grades it."""
 
 MAKE_GOOD = 6.0
 """How many times a passage's error of grade the next stretch makes good beyond its own share, once
@@ -108,79 +91,9 @@ SPOILT = 0.03
 """Loss of a whole passage's grade by a single stretch that has it written more softly: the grade
 counts the worst moment by itself."""
 
-RIPE = 0.25
-"""Least maturity for that: a quarter of a passage."""
-
 SOFTER, MOST_STEPS = 0.75, 3
 """Step of that trial in levels, and the number of steps. One takes about half of such a loss: the
 median of 15 in the 120 s of the bench's programme."""
-
-
-class _Passage:
-    """Running grade and mean base of the last half to whole passage, by one meter that runs on."""
-
-    def __init__(self, channels: int) -> None:
-        self._meter = PeaqMeter(FS, channels)
-        for name in HALVES:
-            self._meter.begin(name)
-        self._bases: dict[str, list[float]] = {name: [] for name in HALVES}
-        self._count = 0
-        self.last: float | None = None
-        self.maturity = 0.0
-
-    @property
-    def _older(self) -> str:
-        return HALVES[(self._count // (PASSAGE // 2)) % 2]
-
-    @property
-    def whole(self) -> float | None:
-        """Grade of all that was heard so far, None for silence."""
-        return _odg(self._meter, WHOLE)
-
-    @property
-    def count(self) -> int:
-        """Stretches in it with the next one."""
-        return len(self._bases[self._older]) + 1
-
-    def grade(self, meter: PeaqMeter) -> float | None:
-        """Grade with a meter's last stretch, None for silence."""
-        return _odg(meter, self._older)
-
-    def loss(self, meter: PeaqMeter) -> float:
-        """Grade that a meter's last stretch has cost a passage, 0 where that is not known yet."""
-        grade = _odg(meter, self._older)
-        if self.maturity < RIPE or self.last is None or grade is None:
-            return 0.0
-        return self.last - grade
-
-    def tried(self, attempt: Attempt) -> tuple[PeaqMeter, float | None]:
-        """Let a copy of the meter hear an attempt; give it and the attempt's own grade."""
-        meter = copy.deepcopy(self._meter)
-        meter.begin(OWN)
-        meter.process(attempt.clean, attempt.marked)
-        return meter, _odg(meter, OWN)
-
-    def add(self, meter: PeaqMeter, base: float) -> float | None:
-        """Go on from the attempt that was chosen; return the passage's grade, None for silence."""
-        self._meter = meter
-        for bases in self._bases.values():
-            bases.append(base)
-        older = self._older
-        self.mean_base = float(np.mean(self._bases[older]))
-        # Squared: a young passage tells little of a programme.
-        self.maturity = min(1.0, len(self._bases[older]) / (PASSAGE // 2)) ** 2
-        self.last = grade = _odg(meter, older)
-        self._count += 1
-        if self._count % (PASSAGE // 2) == 0:
-            meter.begin(older)
-            self._bases[older] = []
-            self.last = _odg(meter, self._older)
-        return grade
-
-
-def _odg(meter: PeaqMeter, name: str) -> float | None:
-    result = meter.grade(name)
-    return None if result is None else float(result.odg)
 
 
 class LevelControl:
@@ -208,7 +121,7 @@ class LevelControl:
         self._best = max(target, QUIET_GRADE) if quiet else target
         self._target = target
         self.base = START_BASE
-        self._passage = _Passage(channels)
+        self._passage = GradedPassage(channels)
         self._started = False
 
     @property
@@ -252,20 +165,14 @@ class LevelControl:
         if (grade := chosen.grade) is not None:
             # The first stretch searches for its level; later ones follow what was learnt, and are
             # softened only where they miss the grade by far.
-            if not self._started:
-                chosen = self._begin(hear, chosen, grade)
+            if self._started:
+                chosen = self._soften(hear, chosen)
+            else:
+                chosen = self._begin(hear, chosen)
                 if enough is not None and enough < self.base and self._best > self._wanted:
                     chosen = self._begin_softly(hear, chosen, enough)
-            elif grade < self._wanted - GIVE_UP:
-                chosen = self._soften(hear, grade)
             self._started = True
-            # Last resort: step down until the passage is no more spoilt, but never below `least`.
-            softest = max(self.base - SOFTER * MOST_STEPS, least)
-            while (base := chosen.base) is not None and base > softest:
-                if (loss := self._spoilt(chosen)) <= SPOILT:
-                    break
-                steps = max(round(math.log2(loss / SPOILT)), 1)
-                chosen = hear(max(base - SOFTER * steps, softest))
+            chosen = self._spare(hear, chosen, least)
             if enough is not None:
                 chosen = self._forgo(hear, chosen, enough)
             chosen = self._bound(hear, chosen, least)
@@ -291,102 +198,114 @@ class LevelControl:
         change = float(np.clip(-STRIVING * GRADES_PER_LEVEL * lack, *STRIVING_LIMITS))
         self._target = min(max(self._target + change, self._wanted), self._best)
 
-    def _spoilt(self, heard: _HeardAttempt[T]) -> float:
-        """Return what a stretch takes from the passage's grade by itself being below it."""
-        low = heard.grade is not None and heard.grade < self._target
-        return self._passage.loss(heard.meter) if low else 0.0
+    def _spare(self, hear: Hear[T], chosen: _HeardAttempt[T], least: float) -> _HeardAttempt[T]:
+        """Write a stretch more softly, not below `least`, until it spoils the passage no more."""
+        softest = max(self.base - SOFTER * MOST_STEPS, least)
 
-    def _forgo(
-        self,
-        hear: Callable[[float | None], _HeardAttempt[T]],
-        chosen: _HeardAttempt[T],
-        enough: float,
-    ) -> _HeardAttempt[T]:
+        def lower(heard: _HeardAttempt[T]) -> float | None:
+            base, grade = heard.base, heard.grade
+            if base is None or base <= softest or grade is None or grade >= self._target:
+                return None
+            if (loss := self._passage.loss(heard.meter)) <= SPOILT:
+                return None
+            steps = max(round(math.log2(loss / SPOILT)), 1)
+            return max(base - SOFTER * steps, softest)
+
+        return _walk(hear, chosen, lower)
+
+    def _forgo(self, hear: Hear[T], chosen: _HeardAttempt[T], enough: float) -> _HeardAttempt[T]:
         """Lower the base at once where a stretch that has more than enough grades too low."""
-        for _ in range(TRIALS):
-            base, grade = chosen.base, chosen.grade
-            if base is None or grade is None or grade >= self._wanted or base <= enough:
-                break
-            lowered = max((self._wanted - grade) / GRADES_PER_LEVEL, LEAST_STEP)
-            self.base = max(base - lowered, enough)
-            chosen = hear(self.base)
-        return chosen
 
-    def _bound(
-        self,
-        hear: Callable[[float | None], _HeardAttempt[T]],
-        chosen: _HeardAttempt[T],
-        least: float,
-    ) -> _HeardAttempt[T]:
+        def lower(heard: _HeardAttempt[T]) -> float | None:
+            base, grade = heard.base, heard.grade
+            if base is None or base <= enough or grade is None or grade >= self._wanted:
+                return None
+            self.base = max(base - _step(self._wanted - grade), enough)
+            return self.base
+
+        return _walk(hear, chosen, lower)
+
+    def _bound(self, hear: Hear[T], chosen: _HeardAttempt[T], least: float) -> _HeardAttempt[T]:
         """Write a stretch more softly until it, or the passage with it, grades high enough."""
         count = self._passage.count
         youth = 1 - min(2 * count / PASSAGE, 1.0)
         allowed = self._wanted - DEFICIT - YOUNG_DEFICIT * youth
-        for _ in range(TRIALS):
-            passage = self._passage.grade(chosen.meter)
-            if chosen.base is None or chosen.grade is None or passage is None:
-                break
-            short = min((allowed - passage) * count, self._wanted - chosen.grade)
-            if short <= 0 or math.isinf(chosen.base):
-                break
-            lowered = self.base - chosen.base + max(short / GRADES_PER_LEVEL, LEAST_STEP)
+
+        def lower(heard: _HeardAttempt[T]) -> float | None:
+            passage = self._passage.grade(heard.meter)
+            if heard.base is None or heard.grade is None or passage is None:
+                return None
+            short = min((allowed - passage) * count, self._wanted - heard.grade)
+            if short <= 0 or math.isinf(heard.base):
+                return None
+            lowered = self.base - heard.base + _step(short)
             if lowered > USELESS:
                 lowered = max(lowered, least - START_BASE)
-            chosen = hear(self.base - lowered)
-        return chosen
+            return self.base - lowered
+
+        return _walk(hear, chosen, lower)
 
     def _learn(self, passage: float) -> None:
         """Set the base so that the passage comes to its grade."""
         error = (passage - self._target) / GRADES_PER_LEVEL
         wanted = self._passage.mean_base + (1 + MAKE_GOOD * self._passage.maturity) * error
-        move = np.clip(wanted - self.base, *MOVE_LIMITS)
+        move = np.clip(wanted - self.base, -LARGEST_MOVE, LARGEST_MOVE)
         self.base = float(np.clip(self.base + move, *BASE_LIMITS))
 
-    def _begin(
-        self,
-        hear: Callable[[float | None], _HeardAttempt[T]],
-        chosen: _HeardAttempt[T],
-        grade: float,
-    ) -> _HeardAttempt[T]:
+    def _begin(self, hear: Hear[T], chosen: _HeardAttempt[T]) -> _HeardAttempt[T]:
         """Find the base of the first stretch."""
-        for _ in range(TRIALS):
-            error = grade - self._target
+
+        def nearer(heard: _HeardAttempt[T]) -> float | None:
+            error = (heard.grade or 0.0) - self._target
             if abs(error) < CLOSE_ENOUGH or (error > 0 and self.base == BASE_LIMITS[1]):
-                return chosen
+                return None
             self.base = float(np.clip(self.base + error / GRADES_PER_LEVEL, *BASE_LIMITS))
-            chosen = hear(self.base)
-            grade = chosen.grade or 0.0
-        return self._soften(hear, grade) if grade < self._wanted - GIVE_UP else chosen
+            return self.base
+
+        return self._soften(hear, _walk(hear, chosen, nearer))
 
     def _begin_softly(
-        self,
-        hear: Callable[[float | None], _HeardAttempt[T]],
-        chosen: _HeardAttempt[T],
-        enough: float,
+        self, hear: Hear[T], chosen: _HeardAttempt[T], enough: float
     ) -> _HeardAttempt[T]:
         """Find the base at which the first stretch has the best grade, but not below `enough`."""
         self._target = self._best
-        chosen = self._begin(hear, chosen, chosen.grade or 0.0)
+        chosen = self._begin(hear, chosen)
         if self.base < enough:
             self.base = enough
             chosen = hear(enough)
             self._target = min(max(chosen.grade or 0.0, self._wanted), self._best)
         return chosen
 
-    def _soften(
-        self, hear: Callable[[float | None], _HeardAttempt[T]], grade: float
-    ) -> _HeardAttempt[T]:
-        """Write a stretch that grades far too low at a lower base, or not at all."""
-        base = self.base
-        for _ in range(TRIALS):
-            base -= max(1.0, (self._wanted - GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
-            chosen = hear(base)
-            grade = chosen.grade or 0.0
-            if grade >= self._wanted - GIVE_UP:
-                return chosen
-        return self._last_resort(hear)
+    def _soften(self, hear: Hear[T], chosen: _HeardAttempt[T]) -> _HeardAttempt[T]:
+        """Write a stretch that grades far too low at a lower base.
 
-    def _last_resort(self, hear: Callable[[float | None], _HeardAttempt[T]]) -> _HeardAttempt[T]:
-        """Write a stretch at the lowest level, whatever it needs; if that is heard, not at all."""
-        chosen = hear(QUIETEST)
-        return hear(None) if (chosen.grade or 0.0) < self._wanted - GIVE_UP else chosen
+        If that does not help, at the lowest level, whatever it needs, or not at all.
+        """
+        lowest = self._wanted - GIVE_UP
+
+        def lower(heard: _HeardAttempt[T]) -> float | None:
+            grade = heard.grade or 0.0
+            if heard.base is None or grade >= lowest:
+                return None
+            return heard.base - max(1.0, (lowest + GIVE_UP / 2 - grade) / GRADES_PER_LEVEL)
+
+        chosen = _walk(hear, chosen, lower)
+        if (chosen.grade or 0.0) < lowest:
+            chosen = hear(QUIETEST)
+        return hear(None) if (chosen.grade or 0.0) < lowest else chosen
+
+
+def _step(short: float) -> float:
+    """Levels that a grade lacks, and are worth an attempt."""
+    return max(short / GRADES_PER_LEVEL, LEAST_STEP)
+
+
+def _walk(
+    hear: Hear[T], heard: _HeardAttempt[T], lower: Callable[[_HeardAttempt[T]], float | None]
+) -> _HeardAttempt[T]:
+    """Make up to `TRIALS` attempts, each at the base that the one before asks for."""
+    for _ in range(TRIALS):
+        if (base := lower(heard)) is None:
+            break
+        heard = hear(base)
+    return heard

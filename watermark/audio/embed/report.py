@@ -54,7 +54,8 @@ class SuperframeMargin:
     coder : str
         Name of the coder that leaves least.
     loudest : bool
-        Whether it stands at the highest level: no grade would give it more.
+        Whether it stands at the highest level of all, above the last step: no grade would give it
+        more.
 
     Examples
     --------

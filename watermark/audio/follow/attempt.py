@@ -17,7 +17,7 @@ from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, sco
 from watermark.audio.follow.fit import search_fit
 from watermark.audio.follow.purse import Ventures
 from watermark.audio.follow.track import Track, as_used, likely_phases
-from watermark.audio.follow.track_reader import TrackReader
+from watermark.audio.follow.track_reader import LEAST_SCORE, TrackReader
 from watermark.audio.search.acquire import Candidate
 from watermark.audio.search.rotated_search import RotatedCandidate
 from watermark.audio.signal.layout import make_pilots
@@ -37,11 +37,6 @@ SURE = 5.0
 """Least score of a candidate's own pilots at its refined place, in deviations, for a trial
 with all means: of 20 true ones (standard, AAC 128k) 18 have more, of 47 that unmarked sound gave, 8
 had. Others are tried briefly."""
-
-LEAST_SCORE = 4.5
-"""The same below which a candidate is not tried: of 63 true ones in five ways of spoiling four
-clips two had less, both at -10 dB and read with the wrong gain; of 63 that unmarked sound gave,
-most."""
 
 SURE_TURNED = 6.0
 """The same of candidates whose bands are turned: of 33 that unmarked sound gave, 27 had less, of

@@ -20,6 +20,7 @@ from watermark.audio.follow.reliability import LIMITS, Reliability
 from watermark.audio.follow.retries import LONGEST_LIST_SIZE, Retries
 from watermark.audio.follow.smoothing import smooth
 from watermark.audio.follow.standing import CellStanding
+from watermark.audio.search.acquire import DEVIATION
 from watermark.audio.signal.channel_choice import make_places
 from watermark.audio.signal.layout import make_layout, make_pilots
 from watermark.audio.signal.masking import make_masker
@@ -32,9 +33,9 @@ LIST_SIZE = 8
 TRIED_LEVELS = 8
 """Levels at which a superframe is tried: those of the two tiers whose pilots fit best."""
 
-UNTOLD = 24.0
-"""Correlation of pilots, three standard deviations of noise, below which they hardly resolve a
-level: the last one and its neighbours are tried, too."""
+UNTOLD = 3.0 * DEVIATION
+"""Correlation of pilots below which they tell no place and hardly a level: the last one and its
+neighbours are tried, too."""
 
 NEARBY = (1.5, 2.5)
 """Deviation in frames and cells of the window of decoded bits that bear on a cell."""

@@ -34,8 +34,8 @@ LOCK_IN = (
 """Delays and drifts tried with the decoded bits of the first superframe, from coarse to fine."""
 
 SAME_PLACE, SAME_CLOCK = 1.0, 2e-4
-"""A search that ends within these samples of the place expected, and with a ratio that differs by
-a smaller part from the expected one, has found nothing new."""
+"""A search that ends within these samples of the place expected, or of another candidate, and with
+a ratio that differs by a smaller part from the expected one, has found nothing new."""
 
 
 PIECES_LATER = 4800

@@ -17,7 +17,7 @@ from watermark.audio.follow.attempt import (
     AssumedSound,
     CandidateReader,
 )
-from watermark.audio.follow.following import TrackFollower
+from watermark.audio.follow.following import SAME_PLACE, TrackFollower
 from watermark.audio.follow.purse import HUNTED, PIECES_LOCK, DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
@@ -40,9 +40,6 @@ from watermark.link.superframe import ReceivedSuperframe
 
 LEAST_GUESSED = 5.2
 """Least significance of a candidate under a hypothesis: tens of them are tried."""
-
-SAME_PLACE = 1.0
-"""Samples within which two candidates are the same."""
 
 RECENT_S = 10.0
 """Sound after which a mark was read long ago."""

@@ -15,14 +15,12 @@ from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer
 
 REMEMBERED = 12
-"""Superframes after which a candidate is forgotten."""
+"""Superframes after which a candidate is forgotten, and after one in step that are tried where they
+should lie."""
 
 NEAR, CLOCK = 2.0, 6e-5
 """Most samples between a candidate and its place, and the greatest error of clocks as a part of
 the time between two."""
-
-EXPECTED = 12
-"""Superframes after one in step that are tried where they should lie."""
 
 IN_STEP = 7.0
 """Significance of candidates in step: their pilots leave no doubt."""
@@ -69,7 +67,7 @@ class Recurrences:
         self._seen.append(found)
         if not in_step:
             return found
-        self._last, self._left = found, EXPECTED
+        self._last, self._left = found, REMEMBERED
         return self._sure(found)
 
     def due(self, tape: SampleBuffer) -> PlacedCandidate | None:

@@ -32,9 +32,6 @@ LONG_LEVELS, DUE_LEVELS = 2, 4
 """Levels at which a longer list is tried at a candidate, and where a superframe is due: half of
 them the likeliest, half the most promising."""
 
-EVEN = 1.0
-"""Weight of all cells where none is trusted more than another."""
-
 PRIOR_TRIES, MEMORY = 20.0, 0.98
 """Attempts for which the prior rate of a kind counts, and weight of the past when one is noted."""
 
@@ -132,7 +129,7 @@ class Retries:
             "covered": covered,
             "promising": promising,
             "plain": lambda: weighted(few, one.reliability.plain(clues), size),
-            "even": lambda: weighted(few, np.full((1, 1), EVEN), size),
+            "even": lambda: weighted(few, np.ones((1, 1)), size),
             "noisy": lambda: weighted(
                 few, one.reliability.weights(clues, exponents=NOISY), LONG_LIST_SIZE
             ),

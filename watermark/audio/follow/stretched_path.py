@@ -16,6 +16,7 @@ from watermark.audio.follow.align import TURNED_BINS, SuperframeView, choose, th
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.interference import POINTS
 from watermark.audio.follow.place_projections import PlaceProjections
+from watermark.audio.search.pilot_scan import ROWS_AT_ONCE
 from watermark.audio.signal.layout import Pilots
 from watermark.audio.signal.masking import Masker
 from watermark.audio.signal.mdct import analyse, sliding_tables
@@ -30,9 +31,6 @@ TURNS = 8
 
 BETWEEN = GRID * np.arange(float(TURNS))
 """Samples from a transform to those."""
-
-ANEW = 256
-"""Transforms that slide on from one that is made anew: rounding errors do not grow beyond them."""
 
 REACH = 1200
 """Samples before and after the even pace within which a frame is looked for."""
@@ -273,7 +271,7 @@ class Paths:
 def _slide(sound: Floats, count: int, bins: int) -> Spectra:
     """Spectra of frames `GRID` times `TURNS` samples apart."""
     spectra = np.empty((count, bins), dtype=np.complex64)
-    _path_kernels.slide_frames(sound, *_waves(bins), GRID * TURNS, ANEW, spectra)
+    _path_kernels.slide_frames(sound, *_waves(bins), GRID * TURNS, ROWS_AT_ONCE, spectra)
     return spectra
 
 

@@ -61,9 +61,7 @@ CLOCK_ERRORS_PPM = np.concatenate(
 EXACT_ERRORS_PPM = CLOCK_ERRORS_PPM[:5]
 """Those tried where the clock is thought to be right: clocks err by less than these 240 ppm."""
 
-COARSE_ERRORS_PPM = np.concatenate(
-    [[0.0], *([-ppm, ppm] for ppm in np.arange(240.0, 1561.0, 240.0))]
-)
+COARSE_ERRORS_PPM = CLOCK_ERRORS_PPM[CLOCK_ERRORS_PPM % 240 == 0]
 """Those tried about another speed: often and in less time rather than well."""
 
 CLOCK_PENALTY, LARGEST_PENALTY = 0.05, 8.0

@@ -21,27 +21,24 @@ STRETCH_S, SHORT_STRETCH_S = 2.2, 1.45
 they begin, and for all else: one. Of voices at other speeds or without their echo two show 62 to
 100 %, one 38 to 87 %."""
 
-LARGEST_SPEED = 0.062
+LARGEST_SPEED = 0.06
 """Largest change of speed that is tried, as a share."""
 
 FILM_SPEEDS = (Fraction(25, 24), Fraction(24, 25))
 """Films at 24 pictures a second, or 23.976, played at 25, and the way back."""
 
-OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26))
-"""What others mean by 4 %."""
-
-NEAR_S = 4.0
-"""Sound between two tries of each of these: one look misses a fifth of them."""
-
 NEAR_SPEED = 2e-3
 """Relative error of clocks and tapes: tried on either side with its own range, to 0.35 %, and
 between them."""
 
+NEAR_S = 4.0
+"""Sound between two tries of each of these: one look misses a fifth of them."""
+
 BROADCAST_SPEEDS = (Fraction(1001, 1000), Fraction(1000, 1001))
 """Pictures at 59.94 a second taken for 60, and the way back."""
 
-PERCENTS = (Fraction(106, 100), Fraction(94, 100))
-"""Speeds that players offer, but for those before."""
+OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26), Fraction(106, 100), Fraction(94, 100))
+"""What others mean by 4 %, and speeds that players offer."""
 
 WEAK, BETWEEN = (0.0, 0.5), (0.25, 0.75, 0.125, 0.375, 0.625, 0.875)
 """Parts of a doubling of all steps for gains that moved them, 20 dB double them: none,
@@ -146,7 +143,7 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
             "stretched", AT_TIMES_S, COST_STRETCHED, kind=pieces, exact=False, stretch_s=STRETCH_S
         ),
         _plain("other gain", AT_TIMES_S, gains=BETWEEN),
-        *(_speed(speed, AT_TIMES_S) for speed in (*OTHER_SPEEDS, *PERCENTS)),
+        *(_speed(speed, AT_TIMES_S) for speed in OTHER_SPEEDS),
         *(
             _plain("echo", AT_TIMES_S, mix=ECHO, gains=ECHOED, stretch_s=STRETCH_S)
             for _ in range(channels > 1)

@@ -20,10 +20,8 @@ QUANTUM = SLOT_FRAMES * SEARCH_HOP
 """Samples that the search takes at once: 0.08 s."""
 
 RECENT = 28
-"""Quanta whose sight is remembered: 2.24 s."""
-
-SPARE = 24
-"""Quanta for which there is room before the past is moved to the front of its store."""
+"""Quanta whose sight is remembered, 2.24 s, and for which there is room before the past is moved to
+the front of its store."""
 
 
 class PilotSearch:
@@ -114,7 +112,7 @@ class _Store:
         self, shape: tuple[int, ...], kept: int, kind: type[np.signedinteger[Any]]
     ) -> None:
         self.kept, self._end = kept, kept
-        self.values = np.zeros((*shape, kept + SPARE * PLACES), dtype=kind)
+        self.values = np.zeros((*shape, kept + RECENT * PLACES), dtype=kind)
 
     def extend(self) -> int:
         """Return where the next `PLACES` values are to be written, after those in memory."""
