@@ -182,13 +182,17 @@ class _PictureWriter:
         context.gop_size = gop or round(form.fps)
         context.bit_rate = bit_rate
         limits = {"maxrate": str(bit_rate), "bufsize": str(bit_rate)}
+        # One frame at a time: coders that limit the rate of several at once write other bits with
+        # every run.
+        if self._encoder.codec.name == "libx264":
+            context.thread_count = 1
         if self._encoder.codec.name == SVT_AV1:
-            limits = {}
+            limits = {"svtav1-params": "lp=1"}
         if self._encoder.codec.name == "libx265":
             kilobits = bit_rate // 1000
             limits = {
-                "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none"
-                + self._light
+                "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none:"
+                f"pools=none:frame-threads=1{self._light}"
             }
         self._encoder.options = limits
 

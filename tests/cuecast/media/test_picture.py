@@ -107,6 +107,24 @@ def test_no_stage_changes_nothing(tmp_path: Path) -> None:
         np.testing.assert_array_equal(before, after)
 
 
+def packets_of_picture(path: Path) -> list[bytes]:
+    with av.open(str(path)) as container:
+        return [bytes(p) for p in container.demux(container.streams.video[0]) if p.size]
+
+
+@pytest.mark.parametrize("codec", ["h264", "hevc", "av1"])
+def test_same_picture_same_bits(tmp_path: Path, codec: str) -> None:
+    programme = tmp_path / "in.mkv"
+    write_programme(programme)
+    written = []
+    for n in range(3):
+        out = tmp_path / f"{n}.mkv"
+        rewrite_picture(programme, out, lambda form: [], codec=codec, bit_rate=60_000)
+        written.append(packets_of_picture(out))
+    assert written[0]
+    assert written[0] == written[1] == written[2]
+
+
 def test_pictures_without_luma_are_converted(tmp_path: Path) -> None:
     programme = tmp_path / "in.mkv"
     write_programme(programme, "bgra")
