@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cuecast.evaluate.records import make_record
+from cuecast.evaluate.records import describe_clips, make_record
 from receiver.media.picture import read_lumas
 from watermark.link.link import Link
 from watermark.video._place_kernels import resample_into
@@ -61,8 +61,9 @@ def main() -> int:
             "times_real_time": round(frames / FPS / used_s, 1),
             "random": options.noise, "random_accepted": wrong,
         }  # fmt: skip
-        clips = options.films[0].parent
-        document = make_record("false_locks", (), [row], seed=options.seed, clips=clips)
+        document = make_record("false_locks", (), [row], seed=options.seed, clips=None)
+        folders = dict.fromkeys(film.parent for film in options.films)
+        document["clips"] = [clip for folder in folders for clip in describe_clips(folder)]
         document["command"] = (
             f"python -m tests.bench.picture_false_locks CLIPS --hours {options.hours:g} "
             f"--noise {options.noise} --seed {options.seed} --record FILE"
