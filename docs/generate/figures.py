@@ -18,6 +18,7 @@ DRAWINGS = RECORDS.parent / "figures"
 """Where their drawings are: SVG, which pages show at any size."""
 
 _ELSEWHERE = {
+    "day_of_sound": "tests.bench.day_of_sound",
     "false_locks": "tests.bench.false_locks",
     "fuzz": "tests.fuzz.night",
     "mutation": "tests.mutation",

@@ -24,7 +24,8 @@ from receiver.reception.authenticity import Gate, Passed, Trust
 from receiver.reception.events import SUPERFRAME_S, Event, KeysFound, State
 from receiver.reception.picture_search import AGAIN_S, TRIAL_S, Found, PictureCarriers
 from receiver.reception.tracking import TimelineTracker
-from watermark.audio.receiver import MAX_MISSES, AudioReceiver
+from watermark.audio.follow.stretched_place import MAX_MISSES
+from watermark.audio.receiver import AudioReceiver
 from watermark.link.combine import Combiner
 
 _COMPANY_S = 5.0
