@@ -37,13 +37,10 @@ from watermark.link.superframe import SUPERFRAME_S
 STRETCH = 4
 """Superframes that are graded together: the embedder looks this far ahead."""
 
-MEASURED = 0.24
+MEASURED = 0.2
 """Standard deviation of the level that a rehearsal finds, in levels: information that is measured
-on a superframe's cells errs by 8 %. Through AAC, whose rate control goes another way with each
+on a superframe's cells errs by some 8 %. Through AAC, whose rate control goes another way with each
 payload, it errs by 20 to 25 %; 0.45 neither lost nor saved superframes of twelve clips."""
-
-LEAST_TRUST = 0.3
-"""Least trust that a superframe needs another level than usual."""
 
 LEAST_MARGIN = 1.5
 """Information in units of the message's and its checks' bits to which superframes are lowered where
@@ -390,7 +387,7 @@ class AudioEmbedder:
         self._enough.append(level - extra)
         usual = float(np.median(self._enough)) + extra
         scatter = max(float(np.var(self._enough)), MEASURED**2)
-        return usual + max(1 - MEASURED**2 / scatter, LEAST_TRUST) * (level - usual)
+        return usual + (1 - MEASURED**2 / scatter) * (level - usual)
 
     def _look(self, number: int) -> tuple[HostSpectra, float]:
         """Spectra of a superframe without its mark, and the level that it needs."""

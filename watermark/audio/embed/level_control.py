@@ -24,7 +24,8 @@ START_BASE = 7.5
 """Base level that is tried first."""
 
 GRADES_PER_LEVEL = 0.28
-"""Loss of grade that one level (1.5 dB) costs near the grades of interest."""
+"""Loss of grade that one level (1.5 dB) costs near the grades of interest. With this and five steps
+and limits below rounded to one digit, a piece of orchestra graded .04 worse."""
 
 TRIALS = 5
 """Attempts at one stretch."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from watermark.audio.follow.align import SuperframeView
-from watermark.audio.follow.demodulate import SuperframeReading
+from watermark.audio.follow.demodulate import TRIED_LEVELS, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
 from watermark.audio.follow.fit import search_fit
 from watermark.audio.follow.purse import Ventures
@@ -24,23 +24,15 @@ from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.profile import LEVELS, TIER_LEVELS
 from watermark.audio.signal.sample_buffer import StereoBuffer
 
-TRIED_LEVELS = 6
-"""Levels at which a candidate is tried: those of its tier and one on either side."""
-
 DELAYS = (0.0, 0.5, -0.5)
 """Delays in samples at which a candidate is tried, those beside its place briefly."""
 
 TURNED_GRID = (np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), np.arange(-320.0, 321.0, 80.0))
 """Delays and drifts tried around a place whose phases are known by its pilots."""
 
-SURE = 5.0
-"""Least score of a candidate's own pilots at its refined place, in deviations, for a trial
-with all means: of 20 true ones (standard, AAC 128k) 18 have more, of 47 that unmarked sound gave, 8
-had. Others are tried briefly."""
-
 SURE_TURNED = 6.0
-"""The same of candidates whose bands are turned: of 33 that unmarked sound gave, 27 had less, of
-38 true ones (five clips and eight ways of turning them), one."""
+"""Significance of a candidate whose bands are turned for a trial with all means: of 33 in unmarked
+sound 27 had less, of 38 true ones (five clips and eight ways of turning them) one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,15 +105,14 @@ class CandidateReader:
             sound.equaliser or Equaliser(demodulator.bands),
             offset,
         )
-        with ventures.attempt(0.0, SURE):
+        with ventures.attempt(0.0, LEAST_SCORE):
             score = self._reader.pull_in(tape, track, candidate)
         if score < LEAST_SCORE:
             return None
-        sure = score >= SURE
         levels = sorted(range(len(LEVELS)), key=lambda level: abs(level - own.start - 1.4))
         moved_levels = [level + offset for level in levels[:TRIED_LEVELS]]
-        for moved, whole in self._places(tape, track, moved_levels, delays if sure else ()):
-            with ventures.attempt(score, SURE):
+        for moved, whole in self._places(tape, track, moved_levels, delays):
+            with ventures.attempt(score, LEAST_SCORE):
                 raw = self._reader.view(tape, moved)
                 view = as_used(moved, raw)
                 reading = demodulator.read(
@@ -134,13 +125,10 @@ class CandidateReader:
     def _places(
         self, tape: StereoBuffer, track: Track, levels: list[float], delays: tuple[float, ...]
     ) -> Iterator[tuple[Track, bool]]:
-        """Yield a candidate's place and, if it is to be tried by all means, variants.
+        """Yield a candidate's place and its variants.
 
         With each goes whether it is worth more than a brief attempt.
         """
-        if not delays:
-            yield track, False
-            return
         for delay in delays:
             yield replace(track, position=track.position + delay * self._nominal), delay == 0
         raw = self._reader.view(tape, track)

@@ -40,11 +40,8 @@ DELAY_COST = 0.2
 MEMORY = 0.8
 """Weight of the past when a decoded superframe is learnt."""
 
-GAIN = 1.08
+GAIN = 1.1
 """Agreement that turned phases must bring, in units of that of plain ones, to be used first."""
-
-GAIN_AT_ONCE = 1.15
-"""The same on the very superframe that gave them, where there were none before."""
 
 Table = NDArray[np.float64]
 """Scores of each band and phase, shape (bands, PHASES)."""
@@ -184,15 +181,12 @@ class Equaliser:
         if table.max(axis=1).sum() < GAIN * table[:, 0].sum() and not self.used:
             self._table, self._phases = MEMORY * self._table + table, np.zeros(len(table))
             return
-        new = not self._phases.any()
-        turned = _along(table, self._phases)
+        # Phases are tried on the very superframe that gave them only where there were none before.
+        old = self._phases if self._phases.any() else None
         self._table = MEMORY * self._table + table
         path = path_of(self._table, np.zeros(1))[2]
         self._phases = path + 2 * np.pi / PHASES * _between(self._table, path)
-        if new:
-            self.used = _along(table, path) > GAIN_AT_ONCE * table[:, 0].sum()
-        else:
-            self.used = turned > GAIN * table[:, 0].sum()
+        self.used = _along(table, path if old is None else old) > GAIN * table[:, 0].sum()
 
 
 def _along(table: Table, phases: NDArray[np.float64]) -> float:

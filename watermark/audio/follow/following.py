@@ -17,15 +17,12 @@ from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.fit import find_delay, search_fit
 from watermark.audio.follow.past import PastReader
 from watermark.audio.follow.purse import BESIDE, ELSEWHERE, FOLLOWED, LOCKED_IN, LOST, DecodingPurse
+from watermark.audio.follow.recurrence import REMEMBERED
 from watermark.audio.follow.track import Track, as_used, received
 from watermark.audio.follow.track_reader import FOLLOW, YOUNG, TrackReader
 from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
-
-REMEMBERED = 16
-"""Failed superframes after which a lock that was given up is forgotten: while the sound is too poor
-for the search, a superframe at the old place may still be read."""
 
 LOCK_IN = (
     (np.arange(-1.0, 1.1, 0.25), np.arange(-60.0, 61.0, 20.0)),

@@ -39,7 +39,9 @@ from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
 LEAST_GUESSED = 5.2
-"""Least significance of a candidate under a hypothesis: tens of them are tried."""
+"""Least significance of a candidate under a hypothesis: tens of them are tried. With 5.5, and .8 in
+place of `evidence.FADING`, marks are found half a second sooner, and 4 of 74 superframes of metal
+behind a denoiser and of a piano whose clock drifts are lost; with 5 and .9 attempts cost more."""
 
 RECENT_S = 10.0
 """Sound after which a mark was read long ago."""

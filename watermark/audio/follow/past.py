@@ -20,7 +20,7 @@ from watermark.audio.signal.profile import SUPERFRAME
 from watermark.audio.signal.sample_buffer import StereoBuffer
 from watermark.link.superframe import ReceivedSuperframe
 
-UNREADABLE = 10
+UNREADABLE = 6
 """Superframes in a row that cannot be read before the past is left alone."""
 
 

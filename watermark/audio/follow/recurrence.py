@@ -15,8 +15,9 @@ from watermark.audio.signal.profile import HOP, SUPERFRAME
 from watermark.audio.signal.sample_buffer import SampleBuffer
 
 REMEMBERED = 12
-"""Superframes after which a candidate is forgotten, and after one in step that are tried where they
-should lie."""
+"""Superframes after which a candidate is forgotten, after one in step that are tried where they
+should lie, and failed ones after which a lock that was given up is forgotten: while the sound is
+too poor for the search, a superframe at the old place may still be read."""
 
 NEAR, CLOCK = 2.0, 6e-5
 """Most samples between a candidate and its place, and the greatest error of clocks as a part of

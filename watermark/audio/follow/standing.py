@@ -16,7 +16,7 @@ from watermark.audio.signal.profile import AudioProfile
 LEAST_STANDING = 0.02
 """Least weight of the cells of other channels where a single one is heard."""
 
-SINGLE, SURELY = 2.5, 2.0
+SURELY = 2.0
 """Standard deviations that cells of one place must lie nearer to points of either bit than
 those of another, for the sound to be taken for a single channel; and how many the others must have
 to be given weight."""
@@ -71,7 +71,7 @@ class CellStanding:
         cells = np.maximum(self.kinds @ seen.sum(axis=0), 1)
         mean, deviation = self.kinds @ near.sum(axis=0) / cells, np.sqrt(0.5 / cells)
         best = int(mean[1:].argmax()) + 1
-        apart = SINGLE * np.hypot(deviation, deviation[best])
+        apart = SURELY * np.hypot(deviation, deviation[best])
         if not (mean[1:] < mean[best] - apart[1:]).any():
             return np.ones(self._profile.groups)
         sure = mean - SURELY * deviation

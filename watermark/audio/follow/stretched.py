@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.demodulate import Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser
+from watermark.audio.follow.past import UNREADABLE
 from watermark.audio.follow.purse import PIECES_LOCK, PIECES_READ, SAVED
 from watermark.audio.follow.stretched_path import MARGIN, REACH
 from watermark.audio.follow.stretched_place import APART, FRAMES, StretchedPlace, even_start
@@ -30,9 +31,6 @@ from watermark.link.superframe import ReceivedSuperframe
 TEMPI = (25 / 24, 24 / 25)
 """Of films at 24 pictures a second that are played at 25, and the way back: this a single
 superframe, whose jumps may be anywhere, does not show."""
-
-UNREADABLE = 6
-"""Superframes in a row that cannot be read before the past is left alone."""
 
 MOST_BACK = 6
 """Superframes of the past that are read."""

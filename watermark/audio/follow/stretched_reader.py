@@ -20,7 +20,7 @@ from watermark.audio.signal.layout import make_pilots
 from watermark.audio.signal.masking import make_masker
 from watermark.audio.signal.sample_buffer import SampleBuffer
 
-JUMPS = (18.0, 9.0)
+JUMPS = (20.0, 10.0)
 """Natural logarithms of the likelihood ratio that a jump must be worth, tried in turn."""
 
 ATTEMPTS = tuple((None, jump) for jump in JUMPS)

@@ -78,7 +78,8 @@ FLOOR = np.float32(THRESHOLD * DEVIATION * PARTS)
 
 WEIGHTS = (0.66, 0.507)
 """Weights of the scores of a superframe summed with that of the one before, and of the two before:
-they are as rare then in unmarked sound as a score by itself."""
+they are as rare then in unmarked sound as a score by itself. With 2/3 and 1/2 music at another
+tempo is found after 9 s instead of 3, and 8 of its superframes are lost."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ ECHO_WINDOW, SHORTEST_ECHO = 2**14, 240
 """Samples of the windows whose logarithmic spectra are averaged, and of the shortest echo: one that
 is shorter looks like a voice's pitch."""
 
-LEAST_ECHO, LARGEST_ECHO = 0.15, 0.85
+LEAST_ECHO, LARGEST_ECHO = 0.2, 0.8
 """Factors of an echo that is believed; of the largest one its removal dies out within a second."""
 
 PAIR = "pair"

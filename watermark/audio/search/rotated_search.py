@@ -21,7 +21,8 @@ TURNS = 8
 """Phases of a slot that are tried."""
 
 LEAST_SIGNIFICANCE = 5.5
-"""Least standard deviations above the mean of all places that are worth an attempt."""
+"""Least standard deviations above the mean of all places that are worth an attempt: with 6 a voice
+behind a crossover is found after 18 s instead of 7."""
 
 ROW = DECIMATION * STRIDE
 """Samples at 48 kHz between two places."""

@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from watermark.audio.signal import _kernels
 from watermark.audio.signal.layout import Cells
-from watermark.audio.signal.masking import Masker
+from watermark.audio.signal.masking import COMPRESSION, REFERENCE, Masker
 from watermark.audio.signal.profile import FRAMES_PER_SUPERFRAME, LEVELS, AudioProfile
 
 CODED_BINS = 300
 """A coder spends its bits below 15 kHz."""
-
-EXPONENT, REFERENCE = 0.7, 10 ** (-9.0)
-"""Noise of a coder grows with the spread power to this exponent; REFERENCE fixes the scale only."""
 
 BLOCK_FRAMES = 4
 """Frames of 10 ms for which a coder's bits must suffice: its reservoir."""
@@ -74,7 +71,8 @@ def band_noise(
 ) -> NDArray[np.float64]:
     """Return the same where the mean powers of the bands, shape (64, bands), are known."""
     shaped = [
-        REFERENCE * (np.maximum(energy @ masker.matrix, QUIETEST) / REFERENCE) ** EXPONENT
+        # A coder's noise follows the spread power as masking does.
+        REFERENCE * (np.maximum(energy @ masker.matrix, QUIETEST) / REFERENCE) ** COMPRESSION
         for energy in energies
     ]
     ratio = np.empty((FRAMES_PER_SUPERFRAME, CODED_BINS * len(powers)))
