@@ -121,7 +121,7 @@ def views(track: Track, raw: SuperframeView) -> list[SuperframeView]:
 
 def as_used(track: Track, raw: SuperframeView) -> SuperframeView:
     """Return the view with the phases that the track goes by."""
-    return views(track, raw)[0]
+    return raw.turned(track.equaliser.bins) if track.equaliser.used else raw
 
 
 def received(track: Track, reading: SuperframeReading, fs: int) -> ReceivedSuperframe:
