@@ -163,11 +163,12 @@ class AudioReceiver:
 
     def _step(self) -> list[ReceivedSuperframe]:
         found = list[ReceivedSuperframe]()
-        for allowance in (self._purse, self._ventures):
-            allowance.earn(self._quantum / self._fs)
+        sound_s = self._quantum / self._fs
+        self._purse.earn(sound_s, (self._now - max(self._follower.last_start, 0.0)) / self._fs)
+        self._ventures.earn(sound_s)
         self._ring.extend(self._tape, self._mix, self._now)
         if self._search is not None:
-            self._purse.charge(SEARCH * self._quantum / self._fs)
+            self._purse.charge(SEARCH * sound_s)
         # In this order: new candidates of the search, places that recur in several looks, the track
         # that is followed, the track in pieces, and the past of a track just found.
         while (candidate := self._next_candidate()) is not None:

@@ -7,7 +7,7 @@ from watermark.audio.follow.align import read_view
 from watermark.audio.follow.demodulate import Demodulator
 from watermark.audio.follow.equaliser import Equaliser
 from watermark.audio.follow.past import PastReader
-from watermark.audio.follow.purse import EARNED, SAVED, YOUNG_S, DecodingPurse, Ventures
+from watermark.audio.follow.purse import EARNED, HUNTING, RECENT_S, SAVED, DecodingPurse, Ventures
 from watermark.audio.follow.retries import Retries
 from watermark.audio.follow.track import Track
 from watermark.audio.follow.track_reader import TrackReader
@@ -81,7 +81,7 @@ def test_where_there_was_nothing_to_search_is_looked_again_sooner() -> None:
     waits = []
     for needless in (False, True):
         scheduler, times = HypothesisScheduler(2), list[float]()
-        for n in range(round(STRETCH_S / STEP_S), round(60 / STEP_S)):
+        for n in range(round(STRETCH_S / STEP_S), round(300 / STEP_S)):
             scheduler.earn(STEP_S)
             while (one := scheduler.next(n * STEP_S)) is not None:
                 if one.mix == ECHO:
@@ -94,7 +94,7 @@ def test_where_there_was_nothing_to_search_is_looked_again_sooner() -> None:
 
 def test_the_past_is_read_of_what_superframes_that_are_due_leave() -> None:
     """Reading it all emptied the purse before the second superframe, which shows the gain."""
-    purse = DecodingPurse(balance=0.49 * SAVED, heard_s=YOUNG_S)
+    purse = DecodingPurse(balance=0.49 * SAVED)
     past = PastReader(FS, TrackReader(0, 1.0, purse), purse)
     tape = StereoBuffer()
     tape.append_pair(*np.zeros((2, 6 * SUPERFRAME)))
@@ -145,14 +145,15 @@ def test_evidence_is_added_as_its_python_says() -> None:
     np.testing.assert_allclose(results[0], results[-1], rtol=1e-4, atol=1e-4)
 
 
-def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
-    purse, paid = DecodingPurse(heard_s=YOUNG_S), 0.0
+@pytest.mark.parametrize(("quiet_s", "rate"), [(0.0, EARNED), (RECENT_S, HUNTING)])
+def test_the_purse_pays_no_more_than_the_sound_earned(quiet_s: float, rate: float) -> None:
+    purse, paid = DecodingPurse(), 0.0
     for _ in range(1000):
-        purse.earn(0.64)
-        while purse.pays(16.5):
-            paid += 16.5
-    assert paid <= SAVED + EARNED * 640.0
-    assert paid > 0.9 * EARNED * 640.0
+        purse.earn(0.64, quiet_s)
+        while purse.pays(6.5):
+            paid += 6.5
+    assert paid <= SAVED + rate * 640.0
+    assert paid > 0.99 * rate * 640.0
     assert purse.untried == 1000
     with purse.keeping(0.5):
         assert not purse.affords(0.5 * SAVED)
@@ -162,23 +163,22 @@ def test_the_purse_pays_no_more_than_the_sound_earned() -> None:
     purse.charge(1e6)
     assert purse.balance == -SAVED
     assert not purse.pays(1.0)
-    debt_s = SAVED / EARNED
-    purse.earn(debt_s + 0.1)
+    purse.earn(SAVED / rate + 0.1, quiet_s)
     assert purse.pays(1.0)
 
 
 def test_candidates_that_leave_no_doubt_are_not_free() -> None:
     """Pilots of a mark that cannot be read stand out in every second: the purse bounds them too."""
-    purse = DecodingPurse(heard_s=YOUNG_S)
+    purse = DecodingPurse()
     ventures, spent = Ventures(purse), 0.0
     for _ in range(1000):
-        purse.earn(0.1)
+        purse.earn(0.1, RECENT_S)
         ventures.earn(0.1)
         while ventures.allows(9.0):
             with ventures.attempt(9.0, 5.0):
                 while purse.pays(6.0):
                     spent += 6.0
-    assert 0.9 * EARNED * 100 < spent < SAVED + EARNED * 100
+    assert 0.9 * HUNTING * 100 < spent < SAVED + HUNTING * 100
 
 
 def test_the_kind_of_attempt_that_succeeds_comes_first() -> None:
@@ -202,7 +202,7 @@ def test_the_kind_of_attempt_that_succeeds_comes_first() -> None:
         first = [kinds(retries, good) for _ in range(6)]
         assert first[-1][0] == good
         assert all(set(names) == set(first[0]) for names in first)
-    poor = DecodingPurse(balance=20.0)
+    poor = DecodingPurse(balance=12.0)
     some = list(Retries(Demodulator(STANDARD, 0, poor)).attempts(view, clues, [3.0], 0.0, due=True))
     assert 0 < len(some) < 9
     assert poor.untried

@@ -15,7 +15,7 @@ from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import TRIED_LEVELS, SuperframeReading
 from watermark.audio.follow.equaliser import Equaliser, KnownCells, path_of, score_phases
 from watermark.audio.follow.fit import search_fit
-from watermark.audio.follow.purse import Ventures
+from watermark.audio.follow.purse import PHASES, Ventures
 from watermark.audio.follow.track import Track, as_used, likely_phases
 from watermark.audio.follow.track_reader import LEAST_SCORE, TrackReader
 from watermark.audio.search.acquire import Candidate
@@ -162,6 +162,7 @@ class CandidateReader:
         view = self._reader.view(tape, track)
         numbers = range(nearest * TIER_LEVELS, (nearest + 1) * TIER_LEVELS)
         levels = [number + offset for number in numbers]
+        ventures.purse.charge(PHASES)
         # Finally measure phases for each level of the tier and decode, the likeliest first.
         for equaliser, level in likely_phases(demodulator, view, known, levels):
             moved = replace(track, level=level, equaliser=equaliser)

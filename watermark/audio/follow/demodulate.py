@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.equaliser import band_of
 from watermark.audio.follow.interference import InterferenceEstimator, InterferenceMask
-from watermark.audio.follow.purse import CLUES_COST, DecodingPurse, decoding_cost
+from watermark.audio.follow.purse import CELLS, DecodingPurse, decoding_cost
 from watermark.audio.follow.reliability import LIMITS, Reliability
 from watermark.audio.follow.retries import LONGEST_LIST_SIZE, Retries
 from watermark.audio.follow.smoothing import smooth
@@ -151,7 +151,7 @@ class Demodulator:
         case, at the levels of the likeliest tier; the purse pays for all others.
         """
         clues = view.clues(self.layout.cells, self._masker)
-        self.purse.charge(CLUES_COST)
+        self.purse.charge(CELLS)
         failed: SuperframeReading | None = None
         for level, ratios in self._first(view, clues, levels):
             reading = self._read_at(view, clues, level, ratios, LIST_SIZE)

@@ -16,7 +16,7 @@ from watermark.audio.follow.demodulate import SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.fit import find_delay, search_fit
 from watermark.audio.follow.past import PastReader
-from watermark.audio.follow.purse import BESIDE, ELSEWHERE, FOLLOWED, LOCKED_IN, LOST, DecodingPurse
+from watermark.audio.follow.purse import DUE, ELSEWHERE, FOLLOWED, LOCKED_IN, LOST, DecodingPurse
 from watermark.audio.follow.recurrence import REMEMBERED
 from watermark.audio.follow.track import Track, as_used, received
 from watermark.audio.follow.track_reader import FOLLOW, YOUNG, TrackReader
@@ -184,7 +184,7 @@ class TrackFollower:
         # Not where it is due: a cut may have moved the sound, or another pair of channels carries
         # it.
         for moved in self._reader.elsewhere(tape, track, raw):
-            with self._purse.keeping(max(BESIDE, kept)):
+            with self._purse.keeping(max(DUE, kept)):
                 if not self._purse.affords(ELSEWHERE):
                     break
                 raw = self._reader.view(tape, moved)

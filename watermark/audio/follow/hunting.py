@@ -18,7 +18,7 @@ from watermark.audio.follow.attempt import (
     CandidateReader,
 )
 from watermark.audio.follow.following import SAME_PLACE, TrackFollower
-from watermark.audio.follow.purse import HUNTED, PIECES_LOCK, DecodingPurse, Ventures
+from watermark.audio.follow.purse import DUE, PIECES_LOCK, RECENT_S, DecodingPurse, Ventures
 from watermark.audio.follow.stretched import StretchedFollower
 from watermark.audio.search.acquire import PERIOD, PLACE, Candidate
 from watermark.audio.search.channel_mixes import ECHO, MID, ChannelMix, find_mix, usual_mix
@@ -42,9 +42,6 @@ LEAST_GUESSED = 5.2
 """Least significance of a candidate under a hypothesis: tens of them are tried. With 5.5, and .8 in
 place of `evidence.FADING`, marks are found half a second sooner, and 4 of 74 superframes of metal
 behind a denoiser and of a piano whose clock drifts are lost; with 5 and .9 attempts cost more."""
-
-RECENT_S = 10.0
-"""Sound after which a mark was read long ago."""
 
 Recent = Callable[[int], tuple[float, Sight] | None]
 """Gives the sight of the last rows, that many, and where they begin, if they are remembered."""
@@ -130,8 +127,8 @@ class HypothesisHunter:
         attempts: CandidateReader, follower: TrackFollower, stretched: StretchedFollower,
         purse: DecodingPurse,
     ) -> None:  # fmt: skip
-        self._key, self._fs, self._nominal, self._ventures = key, fs, nominal, Ventures(purse)
-        self._purse = purse
+        self._key, self._fs, self._nominal = key, fs, nominal
+        self._ventures, self._purse = Ventures(purse), purse
         self._waiting: _Pieces | None = None
         self._ring, self._attempts = ring, attempts
         self._follower, self._stretched = follower, stretched
@@ -149,7 +146,7 @@ class HypothesisHunter:
         if self._waiting is not None and (found := self._lock_pieces(now, tape)) is not None:
             return found
         while self._waiting is None:
-            with self._purse.keeping(HUNTED):
+            with self._purse.keeping(DUE):
                 guess = self._scheduler.next(now / self._fs, self._purse.left)
             if guess is None:
                 return None

@@ -6,14 +6,7 @@ read since. Specification: spec/audio-carrier.md, W37.
 
 from dataclasses import dataclass, field
 
-from watermark.audio.follow.purse import (
-    ELSEWHERE,
-    PAST,
-    PAST_FAILED,
-    READ_BACK,
-    VIEW,
-    DecodingPurse,
-)
+from watermark.audio.follow.purse import CELLS, ELSEWHERE, LOST, PAST, VIEW, DecodingPurse
 from watermark.audio.follow.track import Track, received
 from watermark.audio.follow.track_reader import TrackReader
 from watermark.audio.signal.profile import SUPERFRAME
@@ -105,17 +98,17 @@ class PastReader:
             if past.ended or (not whole and tape.end > past.until):
                 return self.end()
             with self._purse.keeping(0.0 if whole else PAST):
-                if not whole and not self._purse.has(READ_BACK + VIEW):
+                if not whole and not self._purse.has(VIEW + CELLS):
                     return []
             # What fails is tried further with some of what is kept from those that do not.
-            with self._purse.keeping(0.0 if whole else PAST_FAILED):
+            with self._purse.keeping(0.0 if whole else LOST):
                 self._read_before(tape, past)
         return []
 
     def _read_before(self, tape: StereoBuffer, job: _Past) -> None:
         """Read the superframe before those that were looked at."""
         past = job.track
-        self._purse.charge(READ_BACK)
+        self._purse.charge(CELLS)
         past.position -= SUPERFRAME * past.ratio
         raw = self._reader.view(tape, past)
         reading = self._reader.read(tape, past, raw, due=False, brief=job.failed > 0)

@@ -3,76 +3,73 @@
 In: the sound that arrives, which earns an allowance; out: whether an attempt is paid for. Costs are
 counted, not measured: the same sound gives the same attempts on every machine. An unpaid attempt
 is left untried and counted. Unit: a thousandth of a second of a core of the machine on which the
-costs were counted; an AAC encode of a second of sound takes some 26. No second of sound is given
-more than `EARNED` + `SAVED` after the first ones, whatever comes in.
+costs were counted; an AAC encode of a second of music takes some 15 there. No second of sound is
+given more than `EARNED` + `SAVED`, and hunting no more than `HUNTING` in the long run.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-EARNED = 50.0
-"""Units that a second of sound earns; listening takes some 3 besides, whatever comes in."""
+EARNED, HUNTING = 36.0, 14.0
+"""Units that a second of sound earns where a mark was read within the last `RECENT_S`, and where
+none was; listening takes some 2 besides, whatever comes in."""
 
-SAVED = 120.0
-"""Units that may be saved, and owed: with those of a second, less than a fifth of a core."""
+SAVED = 80.0
+"""Units that may be saved, and owed."""
 
-YOUNG_S, AT_FIRST = 8.0, 1.6
-"""Sound after switching on that pays for more, and how many times as much: all hypotheses wait."""
+RECENT_S = 10.0
+"""Sound after which a mark was read long ago; as long after switching on all hypotheses wait."""
 
-SEARCH, FOLLOWED, LOCKED_IN, READ_BACK = 4.5, 2.2, 6.0, 1.5
+SEARCH, FOLLOWED, LOCKED_IN = 3.0, 1.0, 3.0
 """Costs of the usual search of a second of sound, of the corrections from a superframe that was
-read, the same where place and clock are sought widely, and of a superframe of the past."""
+read, and of the same where place and clock are sought widely."""
 
-VIEW, CLUES_COST, LOOK, BELIEFS, RATIOS, FIT = 1.3, 0.8, 0.5, 0.7, 0.4, 0.6
-"""A superframe's spectra and masks; clues on its cells; the sound that covers it at one level; its
-beliefs; ratios from clues; a search for its delay and drift."""
+VIEW, CELLS, PHASES = 0.7, 0.4, 4.0
+"""A superframe's spectra and masks; a pass over its cells: clues on them, what covers them at one
+level, ratios, beliefs, a search for delay and drift; phases of all bands at the levels of a
+tier."""
 
-PIECES, PIECES_VIEW = 14.0, 6.5
-"""All places of a superframe's frames in sound that lies in pieces, at all likely levels; reading
-along one path."""
+PIECES, PIECES_VIEW = 13.0, 10.0
+"""All places of a superframe's frames in sound that lies in pieces; reading along one path."""
 
-PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW + 2.0, 40.0
+PIECES_READ, PIECES_LOCK = PIECES + PIECES_VIEW, 40.0
 """Units that must be left for such a superframe, and units that are waited for: further paths and
 longer lists."""
 
-PATHS_COST = ((8, 0.2), (32, 0.4), (512, 4.5))
+PATHS_COST = ((8, 0.2), (32, 0.3), (512, 2.5))
 """Decodings of a class that fail with lists of these lengths, in a mother code of `USUAL_MOTHER`
 bits."""
 
 USUAL_MOTHER = 1024
 """Bits of the mother code of the first class of `standard`."""
 
-ELSEWHERE, BESIDE = 6.0, 0.125
-"""Least cost of reading beside the likeliest place, and part of the savings that is kept then for
-the likeliest one."""
+ELSEWHERE = 4.0
+"""Least cost of reading beside the likeliest place."""
 
-DUE, PAST, PAST_FAILED = 0.125, 0.5, 0.3
-"""Part of the savings that candidates leave for superframes which are due, where any are, part
-that superframes of the past leave for them, the next ones show level and gain, and part that those
-which fail leave."""
-
-HUNTED, LOST = 0.2, 0.3
-"""Part of the savings that hunting leaves for attempts at its finds, and part that is left for
-hunting by candidates of the usual search, and for both by superframes after one that failed: what
-came between may have moved the mark's clock."""
+DUE, LOST, PAST = 0.125, 0.25, 0.5
+"""Parts of the savings that are kept: for superframes which are due, by candidates where any are
+and by what is read beside the likeliest place, and for finds by the hypotheses that are tried; for
+likelier attempts, by unlikely candidates, by superframes of the past that fail and by those after
+one that failed: what came between may have moved the mark's clock; for the next superframes, which
+show level and gain, by those of the past."""
 
 FAILED_BEFORE_GUESSING = 3
 """Superframes in a row that fail at a known place before guesses are tried."""
 
-VENTURED, VENTURES = 1.8, 32.0
-"""The same for attempts at candidates: units earned in a second of sound, and units saved."""
+VENTURED, VENTURES = 1.0, 20.0
+"""What the search may spend on unlikely candidates, and as much hypotheses: units earned in a
+second of sound, and units saved."""
 
-LEAST_VENTURED, ON_CREDIT = 4.8, 5.8
-"""Least significance of a candidate that is tried where all of that is saved, and of one that the
-purse pays for: of a hundred candidates in unmarked sound, one or two reach it."""
+ON_CREDIT = 5.8
+"""Least significance of a candidate that the whole purse pays for: of a hundred candidates in
+unmarked sound, one or two reach it. One less likely by 1 is tried where all of that is saved."""
 
-UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 10.0, 32.0, 56.0, 7.0
+UNSURE_COST, SURE_COST, CERTAIN_COST, CERTAIN = 6.0, 20.0, 36.0, 7.0
 """Highest cost of all attempts at a candidate beyond their first decodings: by whether its pilots
 confirm it, and the deviations that leave no doubt."""
 
-
-CONFIRMED = 12.0
+CONFIRMED = 8.0
 """Units a second for candidates that the purse pays for: one that stands out in every
 superframe and is not read was altered, and is left to hunting."""
 
@@ -89,8 +86,6 @@ class DecodingPurse:
         Attempts that were left out.
     spent : float
         All that was paid.
-    heard_s : float
-        Sound that has earned an allowance.
     reserve : float
         Units kept for attempts that are likelier than the present ones.
     """
@@ -98,13 +93,11 @@ class DecodingPurse:
     balance: float = SAVED
     untried: int = 0
     spent: float = 0.0
-    heard_s: float = 0.0
     reserve: float = 0.0
 
-    def earn(self, sound_s: float) -> None:
-        """Add what so much sound pays for."""
-        earned = EARNED * sound_s * (AT_FIRST if self.heard_s < YOUNG_S else 1.0)
-        self.heard_s += sound_s
+    def earn(self, sound_s: float, quiet_s: float = 0.0) -> None:
+        """Add what so much sound pays for, so long after a mark was read."""
+        earned = sound_s * (EARNED if quiet_s < RECENT_S else HUNTING)
         self.balance = min(self.balance + earned, SAVED)
 
     @contextmanager
@@ -157,9 +150,9 @@ class Ventures:
 
     purse: DecodingPurse
     _left: float = VENTURES
-    _paid: bool = False
-    _used: float = 0.0
     _credit: float = CERTAIN_COST
+    _doubtful: bool = False
+    _used: float = 0.0
 
     def earn(self, sound_s: float) -> None:
         """Add what so much sound pays for."""
@@ -168,11 +161,10 @@ class Ventures:
 
     def allows(self, significance: float) -> bool:
         """Whether a candidate is tried: the less is saved, the more significant it must be."""
-        self._paid, self._used = significance >= ON_CREDIT, 0.0
-        if self._paid:
+        self._doubtful, self._used = significance < ON_CREDIT, 0.0
+        if not self._doubtful:
             return self.purse.affords(UNSURE_COST)
-        doubt = (ON_CREDIT - significance) / (ON_CREDIT - LEAST_VENTURED)
-        if self._left < VENTURES * min(doubt, 1.0):
+        if self._left < VENTURES * min(ON_CREDIT - significance, 1.0):
             self.purse.untried += 1
             return False
         return True
@@ -182,7 +174,7 @@ class Ventures:
         """Bound a candidate's cost by the score of its pilots, and pay for this attempt."""
         purse = self.purse
         most = CERTAIN_COST if score >= CERTAIN else SURE_COST if score >= sure else UNSURE_COST
-        if self._paid:
+        if not self._doubtful:
             most = min(most, self._used + max(self._credit, UNSURE_COST))
         reserve, spent = purse.reserve, purse.spent
         purse.reserve = max(purse.balance - max(most - self._used, 0.0), reserve)
@@ -191,10 +183,10 @@ class Ventures:
         finally:
             purse.reserve = reserve
             self._used += purse.spent - spent
-            if self._paid:
-                self._credit -= purse.spent - spent
-            else:
+            if self._doubtful:
                 self._left -= purse.spent - spent
+            else:
+                self._credit -= purse.spent - spent
 
 
 def decoding_cost(list_size: int, mother: int) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.interference import InterferenceMask
-from watermark.audio.follow.purse import BELIEFS, LOOK, RATIOS
+from watermark.audio.follow.purse import CELLS
 from watermark.audio.follow.reliability import NOISY
 from watermark.audio.follow.standing import LEAST_STANDING
 
@@ -101,7 +101,7 @@ class Retries:
 
         def looked() -> list[float]:
             """Return the levels, the most promising first."""
-            if not masks and one.purse.pays(LOOK * len(levels)):
+            if not masks and one.purse.pays(CELLS * len(levels)):
                 looks = [(level, one.look(view, level, offset)) for level in levels]
                 masks.update(sorted(looks, key=lambda look: -look[1].promise))
             return list(masks)
@@ -137,7 +137,7 @@ class Retries:
         }
         costs = dict.fromkeys(ways, one.cost(size))
         costs |= {"noisy": one.cost(LONG_LIST_SIZE)}
-        costs |= {"covered": BELIEFS + RATIOS + one.cost(LONG_LIST_SIZE) + LOOK}
+        costs |= {"covered": 3 * CELLS + one.cost(LONG_LIST_SIZE)}
         # Order by expected finds per cost: success rates are learnt from this programme.
         for name in sorted(ways, key=lambda name: -self._kinds[name].rate / costs[name]):
             self._kind = name
@@ -149,13 +149,13 @@ class Retries:
         Each round begins with the decoder's beliefs from the ratios of the one before.
         """
         one = self.demodulator
-        cost = RATIOS + one.cost(LONG_LIST_SIZE)
+        cost = CELLS + one.cost(LONG_LIST_SIZE)
         if not one.purse.pays(cost):
             return
         ratios = mask.ratios()
         yield level, ratios, LONG_LIST_SIZE
         for _ in range(COVERED_ROUNDS):
-            if not one.purse.pays(BELIEFS + cost):
+            if not one.purse.pays(CELLS + cost):
                 return
             believed = one.link.beliefs(one.layout.gather(ratios))
             ratios = mask.ratios(one.layout.spread(believed))

@@ -15,7 +15,7 @@ from watermark.audio.follow.align import SuperframeView
 from watermark.audio.follow.demodulate import UNTOLD, Demodulator, SuperframeReading
 from watermark.audio.follow.equaliser import KnownCells
 from watermark.audio.follow.fit import AlignmentFit, find_delay, search_fit
-from watermark.audio.follow.purse import FIT, VIEW, DecodingPurse
+from watermark.audio.follow.purse import CELLS, PHASES, VIEW, DecodingPurse
 from watermark.audio.follow.track import TURNED_TRIALS, Track, as_used, likely_phases, look, views
 from watermark.audio.search.acquire import DEVIATION, Candidate
 from watermark.audio.signal.channel_choice import MID
@@ -160,7 +160,7 @@ class TrackReader:
             tier = math.floor((levels[0] - track.offset) / TIER_LEVELS + 1e-6)
             step = profile.pilot_step(0) * 2 ** (tier + track.offset / TIER_LEVELS)
             known = KnownCells(pilots.cells, step, pilots.expected(profile.number))
-            if not self.purse.pays(len(levels) * FIT):
+            if not self.purse.pays(PHASES):
                 return reading
             likely = likely_phases(demodulator, raw, known, levels[:TIER_LEVELS])
             for equaliser, level in likely:
@@ -195,7 +195,7 @@ class TrackReader:
         expected = pilots.expected(candidate.profile)
         for grid in PULL_IN:
             # Pilots stand in the mid.
-            self.purse.charge(FIT)
+            self.purse.charge(CELLS)
             view = as_used(track, self.view(tape, replace(track, pair=False)))
             fit = search_fit(view, pilots.cells, step, expected, grid)
             self.move(track, fit)
@@ -212,7 +212,7 @@ class TrackReader:
             expected = kind * np.ones((FRAMES_PER_SUPERFRAME, 1))
             least = LONE_SCORE * math.sqrt(expected.sum() / 2)
             for level in levels[:TIER_LEVELS]:
-                self.purse.charge(FIT)
+                self.purse.charge(CELLS)
                 step = demodulator.profile.step(level)
                 fit = search_fit(view, cells, step, expected, LONE_IN, harmonic=2)
                 if fit.score > least:
@@ -276,7 +276,7 @@ class TrackReader:
         moved = replace(track, misses=0, age=0)
         view = as_used(track, raw)
         for grid, least in ((BESIDE, UNTOLD), (BESIDE_FINE, LEAST_SCORE * DEVIATION)):
-            self.purse.charge(FIT)
+            self.purse.charge(CELLS)
             fit = search_fit(view, pilots.cells, step, expected, grid)
             if fit.score < least:
                 return None

@@ -35,7 +35,7 @@ NEAR_S = 4.0
 """Sound between two tries of each of these: one look misses a fifth of them."""
 
 BROADCAST_SPEEDS = (Fraction(1001, 1000), Fraction(1000, 1001))
-"""Pictures at 59.94 a second taken for 60, and the way back."""
+"""Pictures at 59.94 a second taken for 60, and the way back; `NEAR_SPEED` looks there, too."""
 
 OTHER_SPEEDS = (Fraction(26, 25), Fraction(25, 26), Fraction(106, 100), Fraction(94, 100))
 """What others mean by 4 %, and speeds that players offer."""
@@ -57,19 +57,19 @@ GAIN_LADDER = range(-GAIN_STEPS, GAIN_STEPS * len(PILOT_STEPS))
 LADDER_PART = 10
 """Of those, how many share one attempt."""
 
-ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 2.5, 6.0, 10.0, 20.0, 240.0
+ALWAYS_S, OFTEN_S, AT_TIMES_S, SELDOM_S, RARELY_S = 2.5, 6.0, 10.0, 30.0, 240.0
 """Sound between two tries of turned bands, of the other likely ones, of less likely ones, of tens
 of possibilities, and of speeds that no usual device has."""
 
-COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_EVIDENCE, COST_STRETCHED = 1.8, 1.5, 0.6, 0.3, 11.0
+COST_SIGHT, COST_GAIN, COST_CLOCKS, COST_EVIDENCE, COST_STRETCHED = 1.6, 1.0, 0.5, 0.2, 6.0
 """Cost of a try, in thousandths of a second of a core of the machine that counted it:
 looking at a stretch, correlating at one gain, at all clocks instead of likely ones, adding up
 evidence of a gain, and pieces."""
 
-COST_LATE, COST_ECHO, COST_MIX = 4.5, 3.2, 0.6
+COST_LATE, COST_ECHO, COST_MIX = 3.0, 1.5, 0.2
 """The same of finding by how much a channel is late, an echo, and of mixing channels."""
 
-COST_SCAN, COST_STEP = 0.5, 0.5
+COST_SCAN, COST_STEP = 0.5, 0.4
 """The same of a search blind to phase: of itself and of each step of pilots."""
 
 
@@ -135,7 +135,7 @@ def make_hypotheses(channels: int) -> tuple[ChannelHypothesis, ...]:
     found = [
         _plain("gain", OFTEN_S, gains=WEAK),
         _turned("turned", ALWAYS_S, MID, PILOT_STEPS),
-        *(_speed(speed, AT_TIMES_S) for speed in BROADCAST_SPEEDS),
+        *(_speed(speed, SELDOM_S) for speed in BROADCAST_SPEEDS),
         *(_speed(speed, OFTEN_S) for speed in FILM_SPEEDS),
         *(_plain(kind, AT_TIMES_S, mix=kind) for kind in kinds_of(channels)),
         *(_near(sign * NEAR_SPEED) for sign in (1, -1, 0)),

@@ -20,15 +20,15 @@ from watermark.audio.search.hypotheses import (
     make_hypotheses,
 )
 
-SPEND = 12.0
+SPEND = 9.0
 """Costs of tries that a second of sound pays for, see `hypotheses.COST_SIGHT`."""
 
 SAVED_S = 4.0
 """Sound whose allowance may be saved: the rest of an unspent allowance expires."""
 
-FIRST = 96.0
+FIRST = 70.0
 """Allowance at the start: a first round of the likelier hypotheses; the others but rare ones follow
-within 8 s. A whole round at once, of 160, was the dearest second of all."""
+within 8 s. A whole round at once, of 110, was the dearest second of all."""
 
 UNSOUGHT = 0.5
 """Part of the pause that follows where there is nothing to search."""
