@@ -45,6 +45,10 @@ class PictureChannel:
         How often each frame is shown.
     filters : str
         FFmpeg's filters before anything else; they need the program of imageio-ffmpeg.
+    preset : str
+        Of the encoder, if not its own.
+    gop : int, optional
+        Most frames between two that stand alone, if not one second's.
     """
 
     codec: str = "ffv1"
@@ -53,6 +57,8 @@ class PictureChannel:
     change: Callable[[Luma], Luma] | None = None
     fps_factor: int = 1
     filters: str = ""
+    preset: str = ""
+    gop: int | None = None
 
 
 def _contrast(luma: Luma) -> Luma:
@@ -123,6 +129,7 @@ CHANNELS = {
     "none": PictureChannel(),
     "h264-4M": PictureChannel("libx264", 4_000_000),
     "h264-2M": PictureChannel("libx264", 2_000_000),
+    "h264-veryfast-2M": PictureChannel("libx264", 2_000_000, preset="veryfast", gop=25),
     "h264-1M": PictureChannel("libx264", 1_000_000),
     "hevc-2M": PictureChannel("libx265", 2_000_000),
     "hevc-1500k": PictureChannel("libx265", 1_500_000),
@@ -198,6 +205,8 @@ def send(marked: Path, form: PictureFormat, channel: PictureChannel) -> Path:
             _stages(change),
             codec=channel.codec,
             bit_rate=channel.bit_rate,
+            gop=channel.gop,
+            preset=channel.preset,
             size=(2 * round(form.width * scale / 2), 2 * round(form.height * scale / 2)),
             fps=form.fps * channel.fps_factor,
         )

@@ -67,6 +67,7 @@ def rewrite_picture(
     codec: str | None = None,
     bit_rate: int | None = None,
     gop: int | None = None,
+    preset: str = "",
     size: tuple[int, int] | None = None,
     fps: Fraction | None = None,
     duration_s: float | None = None,
@@ -85,6 +86,8 @@ def rewrite_picture(
         Picture codec and bits per second of the output; by default those of the programme.
     gop : int, optional
         Most frames between two that stand alone; by default one second's.
+    preset : str
+        Of the encoder, such as ``veryfast``; by default its own.
     size : tuple of int, optional
         Width and height of the output.
     fps : Fraction, optional
@@ -115,7 +118,7 @@ def rewrite_picture(
                 writer = _PictureWriter(programme, decoder, output, _encoder(form, codec))
                 writer.be_like(_first_frame(source))
                 rate = bit_rate or _measured_bit_rate(source, form)
-                writer.configure(rate, gop, size or (form.width, form.height))
+                writer.configure(rate, gop, size or (form.width, form.height), preset)
                 frames = None if duration_s is None else round(duration_s * form.fps)
                 for line in writer.left_out:
                     tell(line)
@@ -168,7 +171,7 @@ class _PictureWriter:
         if self._light and self._encoder.codec.name != "libx265":
             self.left_out.append(f"light of the mastering display: {self._encoder.codec.name}")
 
-    def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int]) -> None:
+    def configure(self, bit_rate: int, gop: int | None, size: tuple[int, int], preset: str) -> None:
         """Set the encoder's parameters; its rate is limited over one second, as on air."""
         form, context = self._form, self._encoder.codec_context
         self._encoder.width, self._encoder.height = size
@@ -194,7 +197,7 @@ class _PictureWriter:
                 "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none:"
                 f"pools=none:frame-threads=1{self._light}"
             }
-        self._encoder.options = limits
+        self._encoder.options = limits | ({"preset": preset} if preset else {})
 
     def run(
         self, stages: list[PictureStage], frames: int | None, progress: Callable[[float], None]

@@ -99,6 +99,15 @@ def test_filters_before_the_coder(tmp_path: Path) -> None:
         assert sum(1 for _ in read_lumas(arrived)) == 3
 
 
+def test_frugal_broadcast(tmp_path: Path) -> None:
+    write_clip(tmp_path / "clip.mkv", 30, fps=50)
+    form = picture_format(tmp_path / "clip.mkv")
+    arrived = send(tmp_path / "clip.mkv", form, CHANNELS["h264-veryfast-2M"]).read_bytes()
+    # x264 writes its settings into the first frame; those of veryfast: one reference, subme 2.
+    for setting in (b"ref=1", b"subme=2", b"keyint=25 ", b"vbv_maxrate=2000", b"vbv_bufsize=2000"):
+        assert setting in arrived
+
+
 def test_rows_of_the_verb(tmp_path: Path) -> None:
     said: list[str] = []
     write_clip(tmp_path / "clip.mkv", 40)
