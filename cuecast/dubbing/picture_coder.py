@@ -21,11 +21,21 @@ from watermark.video.codec_loop import TriedChannel
 from watermark.video.coder_trial import PictureCoder
 from watermark.video.design import has_small_cells
 
-USUAL_BITS_PER_PIXEL = 2_000_000 / (1280 * 720 * 25)
-"""Rate of the coder without a choice: that of a frugal broadcast, 2 Mbit/s at 720 lines."""
+USUAL_RATE = 2_000_000
+"""Bits per second of the coder without a choice: those of a frugal broadcast of any size."""
+
+USUAL_BITS_PER_PIXEL = USUAL_RATE / (1280 * 720 * 25)
+"""The same for 720 lines: what other sizes get of a broadcast that is frugal in proportion."""
+
+RATE_ALIKE = 0.8
+"""Part of the one rate from which on the other is not tried beside it: a trial errs by as much."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
+
+MOST_FRAMES = 25
+"""Most frames between two that stand alone, which cost other frames their bits: a second of 25
+pictures a second, half of one of 50, as on air."""
 
 _ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
     "h264": ("libx264", {"preset": "veryfast"}, "h264"),
@@ -94,7 +104,7 @@ class PictureStream:
             encoder.height, encoder.width = self._even
             encoder.pix_fmt = "yuv420p"
             encoder.time_base, encoder.framerate = 1 / fps, fps
-            encoder.bit_rate, encoder.gop_size = rate, round(fps)
+            encoder.bit_rate, encoder.gop_size = rate, min(round(fps), MOST_FRAMES)
             encoder.thread_count = 1
             encoder.options = options | _limits(name, rate)
             with priorities_kept():
@@ -195,8 +205,9 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
-        `USUAL_BITS_PER_PIXEL` and, for L0 alone, MPEG-2 at `SMALL_LINES`, both without the widest
-        step. Small pictures have no strength below that of ``none`` instead of the latter.
+        `USUAL_RATE`, H.264 at `USUAL_BITS_PER_PIXEL` and, for L0 alone, MPEG-2 at `SMALL_LINES`,
+        the widest step only for the first. Small pictures have the second one alone, and no
+        strength below that of ``none``, at which L1 arrives at `USUAL_RATE`.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -216,10 +227,10 @@ def picture_channels(
     """
     if through == "none":
         return []
-    usual_bps = USUAL_BITS_PER_PIXEL * width * height * float(fps)
-    rate = max(1, round(min(usual_bps, most_bps or usual_bps) / 1000))
+    if through is None:
+        return _usual_channels(width, height, fps, depth, most_bps)
     channels = []
-    for words in chains_of(through or f"h264:{rate}k"):
+    for words in chains_of(through):
         names = words[words[0] == L0_ALONE and len(words) > 1 :]
         streams: list[PictureCoder] = []
         for name in names:
@@ -228,10 +239,29 @@ def picture_channels(
             else:
                 streams.append(PictureStream(name, width, height, fps, 8 if streams else depth))
         whole = CLEANER not in names and names == words
-        widest = 1 if through is None else 2
-        firm = through is None and has_small_cells((height, width))
-        channels.append(TriedChannel(_PictureChain(streams), whole, widest, firm))
-    if through is None and not has_small_cells((height, width)):
-        small = _small_mpeg2(width, height, fps, depth)
-        channels.append(TriedChannel(small, False, widest=1))
+        channels.append(TriedChannel(_PictureChain(streams), whole))
+    return channels
+
+
+def _usual_channels(
+    width: int, height: int, fps: Fraction, depth: int, most_bps: int
+) -> list[TriedChannel]:
+    """Return the channels without a choice, see `picture_channels`."""
+    firm = has_small_cells((height, width))
+    in_proportion = USUAL_BITS_PER_PIXEL * width * height * float(fps)
+    rates: list[tuple[float, int]] = []
+    if not firm:
+        # Larger pictures are hard to code at this rate: wide steps would be seen at any other.
+        rates.append((USUAL_RATE, 2 if RATE_ALIKE * in_proportion < USUAL_RATE else 1))
+    if firm or not RATE_ALIKE < in_proportion / USUAL_RATE < 1 / RATE_ALIKE:
+        rates.append((in_proportion, 1))
+    limited: dict[int, int] = {}
+    for bps, widest in rates:
+        limited.setdefault(max(1, round(min(bps, most_bps or bps) / 1000)), widest)
+    channels = []
+    for rate, widest in limited.items():
+        coder = PictureStream(f"h264:{rate}k", width, height, fps, depth)
+        channels.append(TriedChannel(coder, True, widest, firm))
+    if not firm:
+        channels.append(TriedChannel(_small_mpeg2(width, height, fps, depth), False, widest=1))
     return channels

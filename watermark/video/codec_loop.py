@@ -172,14 +172,16 @@ class PictureLoop:
     def _least_visible(self, place: int, findings: Sequence[TrialFinding | None]) -> Strength:
         """Return the strength that changes the picture least among those that suffice."""
         fixed = fixed_strength(place, self._painter.shape)
-        enough = np.ones(len(STRENGTHS), dtype=bool)
+        widest = max(channel.widest for channel in self._channels)
+        enough = np.array([strength.rung <= widest for strength in STRENGTHS])
         costs = np.zeros(len(STRENGTHS))
         for finding, channel in zip(findings, self._channels, strict=True):
             if finding is None:
                 return fixed
             costs = self._costs(finding)
             strong = costs >= costs[STRENGTHS.index(fixed)]
-            enough &= self._enough(finding, channel, place, strong) & (strong | (not channel.firm))
+            enough &= self._enough(finding, channel, place, costs, strong)
+            enough &= strong | (not channel.firm)
         if not enough.any():
             # Channels that exclude one another: the strongest that all of them allow.
             return STRENGTHS[_strongest(min(channel.widest for channel in self._channels))]
@@ -197,30 +199,37 @@ class PictureLoop:
         )
 
     def _enough(
-        self, finding: TrialFinding, channel: TriedChannel, place: int, strong: NDArray[np.bool_]
+        self,
+        finding: TrialFinding,
+        channel: TriedChannel,
+        place: int,
+        costs: FloatArray,
+        strong: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Which strengths suffice for a channel; `strong`: those not weaker than without a trial.
 
         In this order: strengths at which both classes arrive with their margin; if there are none,
         those that leave nearly the most, if both may still arrive; then those at which L0 arrives
-        with its margin; at last the strongest.
+        with its margin; at last the strongest. None is asked for beyond the channel's widest step,
+        but wider ones suffice as well.
         """
         profile = self._profile
         first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
         second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
         allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
-        bits = np.where(allowed, [finding.at(strength) for strength in STRENGTHS], 0.0)
+        bits = np.array([finding.at(strength) for strength in STRENGTHS])
+        most = bits[allowed].max()
         if channel.whole:
             rate = max(first, second)
             margin = OPENING_MARGIN if place == 0 else MARGIN
-            enough = bits >= min(CEILING, margin * rate)
-            if enough.any():
-                return np.asarray(enough)
-            if bits.max() >= HOPELESS * rate:
-                return np.asarray(bits >= NEARLY * bits.max())
+            wanted = min(CEILING, margin * rate)
+            if most >= wanted:
+                return np.asarray(bits >= wanted)
+            if most >= HOPELESS * rate:
+                return np.asarray(bits >= NEARLY * most)
         enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
-        if not enough.any():
-            enough[_strongest(channel.widest)] = True
+        if not enough[allowed].any():
+            enough = costs >= costs[_strongest(channel.widest)]
         return np.asarray(enough)
 
 

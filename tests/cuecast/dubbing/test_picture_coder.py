@@ -57,14 +57,45 @@ def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPa
     )
     picture_channels(None, 1280, 720, RATE, 8)
     picture_channels(None, 1280, 720, RATE, 8, most_bps=900_000)
-    assert [coder for coder in made if "h264" in coder] == ["h264:2000k", "h264:900k"]
+    picture_channels(None, 720, 576, RATE, 8, most_bps=800_000)
+    assert [coder for coder in made if "h264" in coder] == [
+        "h264:2000k", "h264:900k", "h264:800k"
+    ]  # fmt: skip
     assert picture_channels("none", 320, 180, RATE, 8) == []
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "fps", "coders", "widest"),
+    [
+        (640, 360, 25, ["h264:500k"], [1]),
+        (720, 576, 25, ["h264:2000k", "h264:900k"], [2, 1]),
+        (1280, 720, 24, ["h264:2000k"], [2]),
+        (960, 540, 60, ["h264:2000k", "h264:2700k"], [1, 1]),
+        (1920, 1080, 50, ["h264:2000k", "h264:9000k"], [1, 1]),
+    ],
+)
+def test_rates_without_a_choice(
+    monkeypatch: pytest.MonkeyPatch,
+    width: int,
+    height: int,
+    fps: int,
+    coders: list[str],
+    widest: list[int],
+) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(
+        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_: made.append(coder)
+    )
+    channels = picture_channels(None, width, height, Fraction(fps), 8)
+    assert [coder for coder in made if "h264" in coder] == coders
+    wholes = [channel for channel in channels if channel.whole]
+    assert [channel.widest for channel in wholes] == widest
 
 
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(2997, 125), Fraction(12), Fraction(120)])
 def test_larger_pictures_are_tried_in_standard_definition(rate: Fraction) -> None:
     assert len(picture_channels(None, 640, 360, rate, 8)) == 1
-    _, small = picture_channels(None, 961, 541, rate, 10)
+    *_, small = picture_channels(None, 961, 541, rate, 10)
     assert not small.whole
     assert small.widest == 1
     sent = frames(8, 961, 541, 10)

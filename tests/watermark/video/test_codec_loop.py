@@ -98,10 +98,14 @@ def test_widest_step_only_where_it_may_be_taken() -> None:
     assert report.steps[2] == 0
 
 
-def test_no_step_beyond_the_widest_where_nothing_suffices_for_all() -> None:
-    narrow = TriedChannel(Spoiler(0.0), widest=0)
-    _, report = marked_for(narrow, TriedChannel(Spoiler(40.0), whole=False, widest=1))
-    assert report.steps[1:] == (0, 0)
+def test_wider_steps_for_the_sake_of_another_channel() -> None:
+    hopeless = TriedChannel(Spoiler(40.0), whole=False, widest=0)
+    _, alone = marked_for(hopeless)
+    _, both = marked_for(hopeless, TriedChannel(Spoiler(0.7), widest=1))
+    assert alone.steps == (3, 0, 0)
+    assert both.steps[0] < 3
+    assert both.steps[2] == 0
+    assert both.psnr_db < alone.psnr_db
 
 
 def test_worst_of_several_channels_counts() -> None:
