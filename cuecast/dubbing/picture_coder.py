@@ -22,7 +22,7 @@ from watermark.video.coder_trial import PictureCoder
 from watermark.video.design import has_small_cells
 
 USUAL_RATE = 2_000_000
-"""Bits per second of the coder without a choice: those of a frugal broadcast of any size."""
+"""Bits per second of the coder without a choice: those of a frugal broadcast of common sizes."""
 
 USUAL_BITS_PER_PIXEL = USUAL_RATE / (1280 * 720 * 25)
 """The same for 720 lines: what other sizes get of a broadcast that is frugal in proportion."""
@@ -256,7 +256,7 @@ def _usual_channels(
     in_proportion = USUAL_BITS_PER_PIXEL * width * height * float(fps)
     rates: list[tuple[float, int]] = []
     if not firm and in_proportion <= MOST_PIXELS * USUAL_RATE:
-        # Larger pictures are hard to code at this rate: wide steps would be seen at any other.
+        # Beyond 720 lines at 30 frames wide steps would be seen at any better rate.
         rates.append((USUAL_RATE, 2 if RATE_ALIKE * in_proportion < USUAL_RATE else 1))
     if firm or not RATE_ALIKE < in_proportion / USUAL_RATE < 1 / RATE_ALIKE:
         rates.append((in_proportion, 1))

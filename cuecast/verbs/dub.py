@@ -119,8 +119,8 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
         help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
         "mpeg2:4000k: the invisible mark is as weak as it allows; alternatives with commas; "
         "behind hqdn3d+h264:2000k, a cleaner of noise, or l0+av1:1000k, the cues arrive but not "
-        "their details; or none (default: h264:2000k, h264 with 0.087 bits per pixel, and mpeg2 "
-        "at 360 lines for the cues of larger pictures)",
+        "their details; or none (default: h264:2000k up to 720 lines, h264 with 0.087 bits "
+        "per pixel, and mpeg2 at 360 lines for the cues of larger pictures)",
     )
     group.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     group.add_argument(
