@@ -31,9 +31,10 @@ RATE_ALIKE = 0.8
 """Part of the one rate from which on the other is not tried beside it: a trial errs by as much."""
 
 MOST_PIXELS = 1.5
-"""Pixels per second, in those of 720 lines at 25 frames, up to which `USUAL_RATE` is tried. Beyond,
-it leaves so little that the mark is seen: a street with trees at 994 lines had VMAF 92.0 in place
-of 95.7, and still lost L1 of 4 superframes of 12 there."""
+"""Pixels per second, in those of 720 lines at 25 frames, up to which L1 has to arrive at
+`USUAL_RATE`. Beyond, it leaves so little that the mark would be seen: a street with trees at 994
+lines had VMAF 92.0 in place of 95.7, and still lost L1 of 4 superframes of 12 there. L0 gets all
+values there instead, where it needs them."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -210,9 +211,10 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
-        `USUAL_RATE` up to `MOST_PIXELS`, H.264 at `USUAL_BITS_PER_PIXEL` and, for L0 alone, MPEG-2
-        at `SMALL_LINES`, the widest step only for the first. Small pictures have the second one
-        alone, and no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`.
+        `USUAL_RATE` (beyond `MOST_PIXELS` for L0 alone), H.264 at `USUAL_BITS_PER_PIXEL` and, for
+        L0 alone, MPEG-2 at `SMALL_LINES`, the widest step only for the first. Small pictures have
+        the second one alone, and no strength below that of ``none``, at which L1 arrives at
+        `USUAL_RATE`.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -267,6 +269,10 @@ def _usual_channels(
     for rate, widest in limited.items():
         coder = PictureStream(f"h264:{rate}k", width, height, fps, depth)
         channels.append(TriedChannel(coder, True, widest, firm))
+    if in_proportion > MOST_PIXELS * USUAL_RATE and max(limited) * 1000 > USUAL_RATE:
+        frugal = PictureStream(f"h264:{USUAL_RATE // 1000}k", width, height, fps, depth)
+        channels.append(TriedChannel(frugal, whole=False, widest=0, lone="first"))
     if not firm:
-        channels.append(TriedChannel(_small_mpeg2(width, height, fps, depth), False, widest=1))
+        small = _small_mpeg2(width, height, fps, depth)
+        channels.append(TriedChannel(small, whole=False, widest=1, lone="never"))
     return channels

@@ -117,6 +117,7 @@ def _figures(name: str, embedder: Any, form: PictureFormat) -> dict[str, Any]:
             "psnr_db": round(report.psnr_db, 2),
             "superframes": report.superframes,
             "steps": list(report.steps),
+            "l0_alone": report.lone,
         }
     profile = embedder.profile
     return {

@@ -21,8 +21,8 @@ ORIGIN = (
     "spec/reference/video_carrier.py; both were written from the text"
 )
 WIDTH, HEIGHT = 320, 180
-SIZES = {0: (20, 28, 3328), 1: (20, 140, 2560)}
-"""(V20) Bytes of L0 and L1, and coded bits of L0, of two profiles."""
+SIZES = {0: (20, 28, 3328), 1: (20, 140, 2560), 4: (20, 0, 6880)}
+"""(V20) Bytes of L0 and L1, and coded bits of L0, of two profiles and of L0 alone (V28)."""
 MOTHER, DATA = 1024, 6880
 Luma = list[list[int]]
 
@@ -68,7 +68,9 @@ def marked(luma: Luma, number: int, step: int, place: int, payload: tuple[bytes,
     pilots, data = carrier.positions(0)
     bits = dict(zip(pilots, carrier.pilot_bits(number, step, 0, place), strict=True))
     first = SIZES[number][2]
-    all_bits = coded(payload[0], 24, first, MOTHER) + coded(payload[1], 16, DATA - first, None)
+    all_bits = coded(payload[0], 24, first, MOTHER)
+    if first < DATA:
+        all_bits += coded(payload[1], 16, DATA - first, None)
     bits |= dict(zip(data, all_bits, strict=True))
     out = [[float(x) for x in line] for line in luma]
     for value, bit in bits.items():
@@ -96,14 +98,15 @@ def read(luma: Luma, number: int, step: int) -> tuple[bytes | None, bytes | None
         soft.append(math.cos(2 * math.pi * at / wide))
     l0, l1, first = SIZES[number]
     folded = [sum(soft[:first][i::MOTHER]) for i in range(MOTHER)]
-    return code.decode(folded, l0, 24), code.decode(soft[first:], l1, 16)
+    return code.decode(folded, l0, 24), code.decode(soft[first:], l1, 16) if l1 else b""
 
 
 def main(path: Path) -> None:
     """Write the vectors."""
     rng = random.Random(14)
     cases: list[dict[str, Any]] = []
-    for number, step, place, textured in ((1, 0, 2, False), (1, 1, 3, True), (0, 2, 2, True)):
+    sent = (1, 0, 2, False), (1, 1, 3, True), (0, 2, 2, True), (4, 0, 5, True)
+    for number, step, place, textured in sent:
         payload = rng.randbytes(SIZES[number][0]), rng.randbytes(SIZES[number][1])
         luma = marked(host(textured), number, step, place, payload)
         assert read(luma, number, step) == payload

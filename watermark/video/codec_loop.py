@@ -12,8 +12,8 @@ and V12.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.modes import Mode
 from watermark.video.painting import Painter
-from watermark.video.profile import COARSE, POSITIONS, STEPS, VideoProfile
+from watermark.video.profile import COARSE, LONE, POSITIONS, STEPS, VideoProfile
 from watermark.video.timing import Timing
 
 STRENGTHS = tuple(
@@ -75,6 +75,10 @@ class TriedChannel:
     firm : bool
         Whether no strength below that without a trial is taken: for a coder that stands for
         unknown ones, which may leave less.
+    lone : {"never", "last", "first"}
+        Whether L0 may get all values, which L1 loses everywhere, where it would not arrive else:
+        never, behind the widest step, or before any step is taken for this channel's sake but at
+        a programme's beginning.
 
     Examples
     --------
@@ -92,6 +96,7 @@ class TriedChannel:
     whole: bool = True
     widest: int = len(STEPS) - 1
     firm: bool = False
+    lone: Literal["never", "last", "first"] = "last"
 
 
 class PictureLoop:
@@ -175,17 +180,62 @@ class PictureLoop:
         widest = max(channel.widest for channel in self._channels)
         enough = np.array([strength.rung <= widest for strength in STRENGTHS])
         costs = np.zeros(len(STRENGTHS))
+        tried = []
         for finding, channel in zip(findings, self._channels, strict=True):
             if finding is None:
                 return fixed
             costs = self._costs(finding)
             strong = costs >= costs[STRENGTHS.index(fixed)]
-            enough &= self._enough(finding, channel, place, costs, strong)
+            bits = np.array([finding.at(strength) for strength in STRENGTHS])
+            tried.append((bits, channel))
+            # Each coder starts poor, which shall not cost a programme its first L1.
+            if channel.lone != "first" or place == 0:
+                enough &= self._enough(bits, channel, place, costs, strong)
             enough &= strong | (not channel.firm)
-        if not enough.any():
+        if enough.any():
+            chosen = int(np.where(enough, costs, np.inf).argmin())
+        else:
             # Channels that exclude one another: the strongest that all of them allow.
-            return STRENGTHS[_strongest(min(channel.widest for channel in self._channels))]
-        return STRENGTHS[int(np.where(enough, costs, np.inf).argmin())]
+            chosen = _strongest(min(channel.widest for channel in self._channels))
+        if any(self._needs_all(bits, channel, chosen) for bits, channel in tried):
+            usual = STRENGTHS.index(fixed)
+            return self._lone(tried, costs, costs >= min(costs[chosen], costs[usual]))
+        return STRENGTHS[chosen]
+
+    def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: int) -> bool:
+        """Whether L0 arrives through a channel with its margin in all values alone."""
+        left, (first, both) = float(bits[chosen]), self._rates(self._profile)
+        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        if channel.lone == "never" or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
+            return False
+        return left < L0_MARGIN * first and not (channel.whole and left >= HOPELESS * both)
+
+    def _lone(
+        self,
+        tried: Sequence[tuple[FloatArray, TriedChannel]],
+        costs: FloatArray,
+        strong: NDArray[np.bool_],
+    ) -> Strength:
+        """Return the least visible strength, of these, at which L0 arrives in all values.
+
+        Where it does not, the one that leaves the most, up to each channel's widest step.
+        """
+        enough = strong
+        for bits, channel in tried:
+            allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+            most = bits[strong & allowed].max(initial=0.0)
+            enough = enough & (bits >= min(L0_MARGIN * self._rates(LONE)[0], most))
+        if not enough.any():
+            enough = strong
+        chosen = STRENGTHS[int(np.where(enough, costs, np.inf).argmin())]
+        return replace(chosen, lone=True)
+
+    def _rates(self, profile: VideoProfile) -> tuple[float, float]:
+        """Bits and their check per coded bit, of L0 and of the class that has more."""
+        first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
+        if not profile.l1_coded:
+            return first, first
+        return first, max(first, (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded)
 
     def _costs(self, finding: TrialFinding) -> FloatArray:
         """Mean square of the pattern at each strength, up to a factor."""
@@ -200,27 +250,25 @@ class PictureLoop:
 
     def _enough(
         self,
-        finding: TrialFinding,
+        bits: FloatArray,
         channel: TriedChannel,
         place: int,
         costs: FloatArray,
         strong: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Which strengths suffice for a channel; `strong`: those not weaker than without a trial.
+        """Which strengths suffice for a channel that leaves so many bits per value at each.
+
+        `strong`: those not weaker than without a trial.
 
         In this order: strengths at which both classes arrive with their margin; if there are none,
         those that leave nearly the most, if both may still arrive; then those at which L0 arrives
         with its margin; at last the strongest. None is asked for beyond the channel's widest step,
         but wider ones suffice as well.
         """
-        profile = self._profile
-        first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
-        second = (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded
+        first, rate = self._rates(self._profile)
         allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
-        bits = np.array([finding.at(strength) for strength in STRENGTHS])
         most = bits[allowed].max()
         if channel.whole:
-            rate = max(first, second)
             margin = OPENING_MARGIN if place == 0 else MARGIN
             wanted = min(CEILING, margin * rate)
             if most >= wanted:

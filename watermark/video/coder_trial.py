@@ -7,6 +7,7 @@ coder; out: bits per value for each strength and kind of cell.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,6 +30,12 @@ TRIED = tuple((rung, share) for rung, shares in enumerate(SHARES) for share in s
 
 ODDS = tuple((0.6, 0.25, 0.15)[rung] / len(SHARES[rung]) for rung, _ in TRIED)
 """Part of the values that each of them has: few are strong, for they cost the coder bits."""
+
+TRIED_NUMBERS = range(len(TRIED))
+
+BEGINS = 0.0, 0.5, 0.75
+"""Where in a window a pattern may begin to be seen: receivers read from there where more is lost
+before."""
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
@@ -149,22 +156,30 @@ class CoderTrial:
         bits, dither = design.bits(self._modes[0]), self._modes[0].layout.dither
         data = np.ones(choice.size, dtype=bool)
         data[self._modes[0].layout.pilots] = False
-        found = np.zeros((2, len(TRIED)))
-        counts = np.zeros((2, len(TRIED)))
-        # Information per cell that arrives of each rung, apart for smooth (0) and textured (1)
-        # cells.
-        for index, (rung, _) in enumerate(TRIED):
-            step = self._modes[rung].step
-            for kind in (0, 1):
-                mine = np.flatnonzero(data & (choice == index) & (textured == bool(kind)))
-                if not mine.size:
-                    continue
-                # In steps: the mean over the trial's frames is the value sent, their variance the
-                # noise.
-                place = values[:, mine].mean(axis=0) / step - dither[mine]
-                variance = values[:, mine].var(axis=0) / step**2
-                found[kind, index] = _information(place, variance, bits[mine], share[:, mine])
-                counts[kind, index] = mine.size
+        groups = [
+            [
+                np.flatnonzero(data & (choice == index) & (textured == kind))
+                for index in TRIED_NUMBERS
+            ]
+            for kind in (False, True)
+        ]
+        counts = np.array([[group.size for group in kind] for kind in groups], dtype=np.float64)
+        # Information per cell that arrives of each strength, apart for smooth (0) and textured (1)
+        # cells, from the part of the window that shows most, as receivers look for it.
+        tables = []
+        for begin in BEGINS:
+            seen = values[round(begin * len(values)) :]
+            table = np.zeros((2, len(TRIED)))
+            for kind, index in product((0, 1), TRIED_NUMBERS):
+                mine, step = groups[kind][index], self._modes[TRIED[index][0]].step
+                if mine.size:
+                    # In steps: the mean over the trial's frames is the value sent, their variance
+                    # the noise.
+                    place = seen[:, mine].mean(axis=0) / step - dither[mine]
+                    variance = values[:, mine].var(axis=0) / step**2
+                    table[kind, index] = _information(place, variance, bits[mine], share[:, mine])
+            tables.append(table)
+        found = max(tables, key=lambda table: float(np.sum(table * counts)))
         parts = np.array([1 - textured.mean(), textured.mean()])
         return TrialFinding(parts, _smooth(found, counts))
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from watermark.video.lattices import PILOT_TEXTURES
 from watermark.video.modes import Mode
-from watermark.video.profile import COARSE, COLUMNS, PILOT_SPREADS, ROWS, STEPS, TEMPLATES, TEXTURE
+from watermark.video.profile import (
+    COARSE,
+    COLUMNS,
+    LONE,
+    PILOT_SPREADS,
+    ROWS,
+    STEPS,
+    TEMPLATES,
+    TEXTURE,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -38,11 +47,19 @@ class Strength:
         Part of the way to the lattice point that each amplitude is moved, 0.5 to 1, in cells with
         the fine and with the coarse step. Less is harder to see and leaves less room for noise;
         receivers take the rest for noise.
+    lone : bool
+        Whether L0 alone has all values, as in `LONE`.
     """
 
     rung: int
     fine: float = 1.0
     coarse: float = 1.0
+    lone: bool = False
+
+    @property
+    def mode(self) -> int:
+        """Which of an embedder's modes: those of its profile, then those of `LONE`."""
+        return self.rung + len(STEPS) * self.lone
 
 
 def fixed_strength(place: int, shape: tuple[int, int]) -> Strength:
@@ -75,21 +92,22 @@ class Design:
         Mean amplitudes of the picture in luma of 8 bits.
     texture : ndarray of float64, shape (ROWS, COLUMNS)
         Texture of the cells.
-    coded : ndarray of int64, shape (DATA,)
-        Coded bits of the payload.
+    coded, lone : ndarray of int64, shape (DATA,)
+        Coded bits of the payload, and of L0 alone.
     """
 
     place: int
     host: FloatArray
     texture: FloatArray
     coded: NDArray[np.int64]
+    lone: NDArray[np.int64]
 
     def bits(self, mode: Mode) -> NDArray[np.int64]:
         """Bit of every value, pilots included, shape (POSITIONS,)."""
         layout = mode.layout
         bits = np.empty(self.host.size, dtype=np.int64)
         bits[layout.pilots] = layout.pilot_bits ^ (self.place & 1)
-        bits[layout.data] = self.coded
+        bits[layout.data] = self.lone if mode.profile is LONE else self.coded
         return bits
 
     @property
@@ -107,7 +125,7 @@ class Design:
 
         Pilots end as far from their lattice points as data, in luma, so that they show the noise.
         """
-        mode = modes[strength.rung]
+        mode = modes[strength.mode]
         shape, pilots = self.host.shape, mode.layout.pilots
         textures = np.tile(self.texture.reshape(-1), TEMPLATES)
         width = mode.step * np.where(textures > TEXTURE, float(COARSE), 1.0)

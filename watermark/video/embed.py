@@ -24,6 +24,7 @@ from watermark.video.modes import make_modes
 from watermark.video.painting import Painter
 from watermark.video.profile import (
     COLUMNS,
+    LONE,
     ROWS,
     STEPS,
     TEMPLATES,
@@ -52,6 +53,8 @@ class VideoReport:
         Rates of the profile.
     steps : tuple of int
         Superframes that have each of `STEPS`.
+    lone : int
+        Superframes that carry L0 alone, since L1 would not have arrived.
 
     Examples
     --------
@@ -66,6 +69,7 @@ class VideoReport:
     net_bps: float
     gross_bps: float
     steps: tuple[int, ...]
+    lone: int
 
 
 class VideoEmbedder:
@@ -126,9 +130,9 @@ class VideoEmbedder:
         self._painter = Painter(width, height, depth)
         self._timing = Timing(Fraction(fps))
         self._profile = find_profile(profile)
-        self._modes = make_modes(self._profile, key, strength)
+        self._modes = sum((make_modes(p, key, strength) for p in (self._profile, LONE)), ())
         self._source = source
-        self._received = self._superframes = 0
+        self._received = self._superframes = self._lone = 0
         self._steps = [0] * len(STEPS)
         self._sum = np.zeros((TEMPLATES, ROWS, COLUMNS))
         self._textures: list[FloatArray] = []
@@ -200,7 +204,7 @@ class VideoEmbedder:
         mean_square = self._writer.squares / pixels / self._grid.largest**2
         psnr_db = float("inf") if mean_square == 0 else float(-10 * np.log10(mean_square))
         rates = self._profile.net_bps, self._profile.gross_bps
-        return VideoReport(sent, self._superframes, psnr_db, *rates, tuple(self._steps))
+        return VideoReport(sent, self._superframes, psnr_db, *rates, tuple(self._steps), self._lone)
 
     def _analyse(self, luma: Luma) -> Design | None:
         """Add a frame to its superframe's window; return the design that it completes."""
@@ -214,8 +218,9 @@ class VideoEmbedder:
         if self._received < start + window:
             return None
         texture = np.mean(self._textures, axis=0) if self._textures else np.zeros((ROWS, COLUMNS))
-        coded = self._modes[0].link.encode(*checked_payload(self._source, k, self._profile))
-        design = Design(k, self._sum / window, texture, coded)
+        l0, l1 = checked_payload(self._source, k, self._profile)
+        coded, lone = self._modes[0].link.encode(l0, l1), self._modes[-1].link.encode(l0, b"")
+        design = Design(k, self._sum / window, texture, coded, lone)
         self._sum[:] = 0
         self._textures.clear()
         self._superframes += 1
@@ -224,6 +229,7 @@ class VideoEmbedder:
     def _paint(self, strength: Strength) -> None:
         """Give the oldest design its strength."""
         self._steps[strength.rung] += 1
+        self._lone += strength.lone
         design = self._designs.popleft()
         moves = design.moves(self._modes, strength)
         self._writer.add_pattern(self._painter.paint(moves, design.smooth))

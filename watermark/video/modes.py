@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from watermark.link.link import Link
 from watermark.video.lattices import pilot_waves
 from watermark.video.layout import VideoLayout, make_layout
-from watermark.video.profile import PILOT_STEP, PILOTS, PROFILES, STEPS, VideoProfile
+from watermark.video.profile import LONE, PILOT_STEP, PILOTS, PROFILES, STEPS, VideoProfile
 
 FloatArray = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def make_modes(profile: VideoProfile, key: int, strength: float) -> tuple[Mode, 
 
 
 class PilotWatch:
-    """Tells how well pilots agree with every mode of every profile.
+    """Tells how well pilots agree with every mode of every profile, `LONE` included.
 
     Parameters
     ----------
@@ -82,7 +82,9 @@ class PilotWatch:
 
     def __init__(self, key: int = 0, strength: float = 1.0) -> None:
         self.modes = tuple(
-            mode for profile in PROFILES.values() for mode in make_modes(profile, key, strength)
+            mode
+            for profile in (*PROFILES.values(), LONE)
+            for mode in make_modes(profile, key, strength)
         )
         layout = self.modes[0].layout
         self.positions = layout.pilots

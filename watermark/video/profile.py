@@ -88,10 +88,8 @@ class VideoProfile:
     l0_coded: int
 
     def __post_init__(self) -> None:
-        if not self.l0_mother <= self.l0_coded < DATA:
-            raise CueError(
-                f"{self.l0_coded} coded bits of L0: must be {self.l0_mother}..{DATA - 1}"
-            )
+        if not self.l0_mother <= self.l0_coded <= DATA:
+            raise CueError(f"{self.l0_coded} coded bits of L0: must be {self.l0_mother}..{DATA}")
 
     @property
     def l0_mother(self) -> int:
@@ -126,6 +124,11 @@ PROFILES: dict[str, VideoProfile] = {
 """Profiles by name; a profile's number is its place.
 
 `twin` carries the very superframes of the audio carrier's `standard`, to be combined with them.
+"""
+
+LONE = VideoProfile("lone", 4, 20, 0, DATA)
+"""L0 in all values, which a single superframe of any profile may have instead of its own: where
+little arrives, L0 does at 4 dB more noise than in `standard`. Nobody chooses it for a programme.
 """
 
 

@@ -20,7 +20,7 @@ from watermark.video.borders import TRUST, BorderClock
 from watermark.video.demodulate import LAGS, Soft, soft_bits
 from watermark.video.grid import Grid
 from watermark.video.modes import PilotWatch
-from watermark.video.profile import COLUMNS, ROWS, VideoProfile
+from watermark.video.profile import COLUMNS, LONE, ROWS, VideoProfile
 from watermark.video.recent_frames import PLAIN, RecentFrames, WindowReading
 from watermark.video.timing import Timing
 
@@ -82,7 +82,8 @@ class VideoTracker:
     Attributes
     ----------
     profile : VideoProfile or None
-        Profile of the last superframe found.
+        The programme's, once a superframe has shown it: never `LONE`. The ratios of superframes
+        that failed are of this one.
     errors, known : int
         Wrong and all coded bits of the superframes decoded.
     patience : int
@@ -193,9 +194,9 @@ class VideoTracker:
         place = start - self._timing.span
         if place < max(self._frames.oldest, self._last + self._timing.span / 2):
             return []
-        modes = [self._mode, *self._steps_of(self._mode)]
+        modes = [self._mode, *self._instead_of(self._mode)]
         tries = [self._decode(round(place), mode) for mode in modes]
-        soft, decoded = max(tries, key=lambda each: each[0].agreement)
+        soft, decoded = max(tries, key=lambda each: (each[1].l0 is not None, each[0].agreement))
         return [] if decoded.l0 is None else [self._deliver(place, soft, decoded)]
 
     def _follow(self, start: int) -> ReceivedSuperframe:
@@ -206,14 +207,17 @@ class VideoTracker:
             THRESHOLD, agreement[self._guard, self._mode] + OTHER_MODE
         )
         first = other if sure else self._mode
-        for mode in (first, *self._steps_of(first)):
-            # Pilots that are too weak to show the step may leave enough of the data.
+        failed: Soft | None = None
+        for mode in (first, *self._instead_of(first)):
+            # Pilots that are too weak to show the mode may leave enough of the data.
             offset, soft, decoded, late = self._attempt(start, mode)
             if decoded.l0 is not None:
                 break
+            if failed is None and self._watch.modes[mode].profile is self.profile:
+                failed = soft
         assert self._due is not None
         if decoded.l0 is None:
-            return self._deliver(self._due, soft, decoded)
+            return self._deliver(self._due, failed or soft, decoded)
         self._mode = mode
         if offset:
             self._clock.clear()
@@ -225,11 +229,15 @@ class VideoTracker:
         self._lates = 0
         return self._deliver(self._on_time(self._due + offset), soft, decoded)
 
-    def _steps_of(self, mode: int) -> list[int]:
-        """Modes of the same profile with other steps."""
+    def _instead_of(self, mode: int) -> list[int]:
+        """Modes to try after this one: its profile's other steps, then L0 alone or the usual."""
         profile = self._watch.modes[mode].profile
-        same = [n for n, each in enumerate(self._watch.modes) if each.profile is profile]
-        return [n for n in same if n != mode]
+        other = self.profile if profile is LONE else LONE
+        same, others = (
+            [n for n, each in enumerate(self._watch.modes) if each.profile is wanted]
+            for wanted in (profile, other)
+        )
+        return [n for n in same if n != mode] + others
 
     def _attempt(self, start: int, mode: int) -> tuple[int, Soft, Decoded, bool]:
         """Decode the window that starts here, or if that fails one close by.
@@ -347,7 +355,9 @@ class VideoTracker:
         wrong = (soft.ratios < 0) != (decoded.coded == 1)
         self.errors += int(wrong[known].sum())
         self.known += int(known.sum())
-        self.profile = self._watch.modes[self._mode].profile
+        profile = self._watch.modes[self._mode].profile
+        if profile is not LONE:
+            self.profile = profile
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         if decoded.l0 is not None:
             self._newest, self._newest_place = (soft.parity, decoded.l0), place
@@ -356,11 +366,11 @@ class VideoTracker:
         self._due = place + self._timing.span if self._misses <= self.patience else None
         return ReceivedSuperframe(
             decoded.l0,
-            decoded.l1,
+            decoded.l1 or None,
             self._timing.position_s(place),
             soft.agreement,
             float(wrong[known].mean()) if known.any() else 0.5,
-            soft.ratios,
+            soft.ratios if self.profile is not None else None,
         )
 
     def _newest_agreement(self) -> FloatArray:

@@ -37,6 +37,21 @@ class Spoiler:
         return rest
 
 
+class Spared(Spoiler):
+    """Spoil all but the left quarter of some frames."""
+
+    def __init__(self, first: int = 0, end: int = 1000) -> None:
+        super().__init__(30.0)
+        self._spoilt = range(first, end)
+
+    def process(self, luma: np.ndarray) -> list[np.ndarray]:
+        spoilt = self._count in self._spoilt
+        (out,) = super().process(luma)
+        kept = WIDTH // 4 if spoilt else WIDTH
+        out[:, :kept] = luma[:, :kept]
+        return [out]
+
+
 class Swallower:
     def process(self, luma: np.ndarray) -> list[np.ndarray]:
         return []
@@ -124,6 +139,39 @@ def test_l0_alone_needs_less() -> None:
     _, both = marked_for(TriedChannel(Spoiler(0.5)))
     _, first = marked_for(TriedChannel(Spoiler(0.5), whole=False))
     assert first.psnr_db > both.psnr_db + 1
+
+
+def test_l0_gets_all_values_where_it_would_not_arrive() -> None:
+    _, never = marked_for(TriedChannel(Spared(), lone="never"))
+    marked, report = marked_for(TriedChannel(Spared()))
+    assert (never.lone, report.lone) == (0, 3)
+    assert report.psnr_db > never.psnr_db + 1
+    coder = Spared()
+    arrived = [out for frame in marked for out in coder.process(frame)]
+    for frames in (marked, arrived):
+        found = receive(frames, VideoReceiver(WIDTH, HEIGHT, 25))
+        assert [s.l0 for s in found] == [source()(k)[0] for k in range(3)]
+        assert [s.l1 for s in found] == [None] * 3
+
+
+def test_l0_shares_where_both_arrive_or_nothing_does() -> None:
+    assert marked_for(TriedChannel(Spoiler(0.0), lone="first"))[1].lone == 0
+    assert marked_for(TriedChannel(Spoiler(0.5)))[1].lone == 0
+    assert marked_for(TriedChannel(Spoiler(60.0), lone="first"))[1].lone == 0
+
+
+def test_receivers_follow_to_l0_alone_and_back() -> None:
+    frames = [picture(n) for n in range(6 * 16)]
+    channel = TriedChannel(Spared(32, 64), lone="first")
+    embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(), channels=[channel])
+    marked = mark(frames, embedder)
+    assert embedder.report().lone == 2
+    receiver = VideoReceiver(WIDTH, HEIGHT, 25)
+    found = receive(marked, receiver)
+    assert [s.l0 for s in found] == [source()(k)[0] for k in range(6)]
+    assert [s.l1 is None for s in found] == [False, False, True, True, False, False]
+    assert receiver.profile is not None
+    assert receiver.profile.name == "standard"
 
 
 @pytest.mark.parametrize("coder", [Swallower(), Spoiler(60.0)])

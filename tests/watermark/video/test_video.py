@@ -289,7 +289,7 @@ def test_refusals() -> None:
         VideoEmbedder(640, 360, 25, give, depth=4)
     with pytest.raises(CueError, match=r"strength 0: must be 0\.2\.\.8"):
         VideoEmbedder(640, 360, 25, give, strength=0)
-    with pytest.raises(CueError, match=r"512 coded bits of L0: must be 1024\.\.6879"):
+    with pytest.raises(CueError, match=r"512 coded bits of L0: must be 1024\.\.6880"):
         VideoProfile("x", 9, 1, 1, 512)
     for end in (VideoEmbedder(640, 360, 25, give), VideoReceiver(640, 360, 25)):
         with pytest.raises(CueError, match=r"expected \(360, 640\)"):

@@ -16,6 +16,7 @@ from watermark.video.lattices import PILOT_TEXTURES
 from watermark.video.layout import make_layout
 from watermark.video.profile import (
     COARSE,
+    LONE,
     NUMBERS,
     PILOT_SPREADS,
     PILOT_STEP,
@@ -36,7 +37,7 @@ def test_vectors(case: dict[str, Any]) -> None:
 
 
 def check_layout(case: dict[str, Any]) -> None:
-    for profile in PROFILES.values():
+    for profile in (*PROFILES.values(), LONE):
         layout = make_layout(profile, case["key"])
         dither = [*layout.dither[:6], *layout.dither[-2:]]
         np.testing.assert_allclose(dither, case["dither"], atol=1e-9)
@@ -108,7 +109,7 @@ def test_reference_reads_what_is_embedded(name: str) -> None:
 
 def test_tables_of_the_specifications() -> None:
     text = (ROOT / "spec" / "video-carrier.md").read_text(encoding="utf-8")
-    for p in PROFILES.values():
+    for p in (*PROFILES.values(), LONE):
         row = (p.number, p.name, p.l0_bytes, p.l1_bytes, p.l0_coded, p.l1_coded, round(p.net_bps))
         assert "| " + " | ".join(map(str, row)) + " |" in text
     for number, step in enumerate(STEPS):
