@@ -268,7 +268,9 @@ def _usual_channels(
     channels = []
     for rate, widest in limited.items():
         coder = PictureStream(f"h264:{rate}k", width, height, fps, depth)
-        channels.append(TriedChannel(coder, True, widest, firm))
+        # Poorer ways may not cost richer ones their L1.
+        richest = rate == max(limited) and not firm
+        channels.append(TriedChannel(coder, True, widest, firm, "last" if richest else "never"))
     if in_proportion > MOST_PIXELS * USUAL_RATE and max(limited) * 1000 > USUAL_RATE:
         frugal = PictureStream(f"h264:{USUAL_RATE // 1000}k", width, height, fps, depth)
         channels.append(TriedChannel(frugal, whole=False, widest=0, lone="first"))

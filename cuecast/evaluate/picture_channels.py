@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ class PictureChannel:
         Of the encoder, if not its own.
     gop : int, optional
         Most frames between two that stand alone, if not one second's.
+    sought : bool
+        Whether the coder is asked for other rates until it spends its own.
     """
 
     codec: str = "ffv1"
@@ -59,6 +62,7 @@ class PictureChannel:
     filters: str = ""
     preset: str = ""
     gop: int | None = None
+    sought: bool = False
 
 
 def _contrast(luma: Luma) -> Luma:
@@ -142,7 +146,7 @@ CHANNELS = {
     "528p-mpeg2-4M": _mpeg2(528, 720, 4_000_000),
     "480p-mpeg2-4M": _mpeg2(480, 720, 4_000_000),
     "360p-mpeg2-4M": _mpeg2(360, 640, 4_000_000),
-    "av1-1M": PictureChannel("libsvtav1", 1_000_000),
+    "av1-1M": PictureChannel("libsvtav1", 1_000_000, sought=True),
     "vp9-1500k": PictureChannel("libvpx-vp9", 1_500_000),
     "hqdn3d-h264-2M": _h264("hqdn3d=4:3:6:4.5"),
     "hqdn3d-spatial-h264-2M": _h264("hqdn3d=4:3:0.01:0.01"),
@@ -199,19 +203,44 @@ def send(marked: Path, form: PictureFormat, channel: PictureChannel) -> Path:
     for generation, scale in enumerate(channel.scales):
         target = marked.with_name(f"coded{generation}.mkv")
         change = channel.change if generation == 0 else None
-        rewrite_picture(
+        code = partial(
+            rewrite_picture,
             source,
             target,
             _stages(change),
             codec=channel.codec,
-            bit_rate=channel.bit_rate,
             gop=channel.gop,
             preset=channel.preset,
             size=(2 * round(form.width * scale / 2), 2 * round(form.height * scale / 2)),
             fps=form.fps * channel.fps_factor,
         )
+        code(bit_rate=channel.bit_rate)
+        if channel.sought:
+            _seek_rate(code, target, channel.bit_rate)
         source = target
     return source
+
+
+SOUGHT_TIMES, SOUGHT_ERROR = 4, 0.05
+"""Times that a coder is asked again, and the error of its rate that is good enough."""
+
+
+def _seek_rate(code: Callable[..., PictureFormat], target: Path, bit_rate: int) -> None:
+    """Code again, asking for other rates, until the file has this one.
+
+    The rate control of SVT-AV1 spends half to four fifths of its rate in a film's first ten
+    seconds, which no broadcast consists of.
+    """
+    asked = float(bit_rate)
+    for _ in range(SOUGHT_TIMES):
+        frames = sum(1 for _ in read_lumas(target))
+        seconds = frames / float(picture_format(target).fps)
+        spent = 8 * target.stat().st_size / max(seconds, 1e-3)
+        # No more than four times the rate: a still picture has no use for it.
+        before, asked = asked, min(asked * bit_rate / spent, 4.0 * bit_rate)
+        if asked == before or abs(spent / bit_rate - 1) <= SOUGHT_ERROR:
+            return
+        code(bit_rate=round(asked))
 
 
 def _stages(change: Callable[[Luma], Luma] | None) -> Callable[[PictureFormat], list[PictureStage]]:

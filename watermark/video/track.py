@@ -61,6 +61,10 @@ REMEMBERED = 8
 """Superframes whose L0 is known again: cleaners leave the pattern of a scene's first picture in
 flat cells for seconds, and every second superframe its pilots agree."""
 
+SLACK = 0.7
+"""Part of a window's agreement above which one beside it may be the right one instead: where the
+picture stands still many are alike, and borders decide."""
+
 LATES = 1
 """Late superframes in a row that are read so; of more, it is rather the picture that is late."""
 
@@ -173,9 +177,26 @@ class VideoTracker:
             # Of the frames before, those of the window before show the border, if they are marked.
             self._clock.clear()
             self._clocked = start + offset - round(self._timing.span / 2)
-        place = self._on_time(place)
+        place += float(np.clip(self._on_time(place) - place, *self._slack(mode, offset)))
         before = self._before(place) if self._due is None else []
         return [*before, self._deliver(place, soft, decoded)]
+
+    def _slack(self, mode: int, offset: int) -> tuple[float, float]:
+        """How many frames a window that was decoded may be off, by the pilots around it."""
+        agreement = np.array([each[mode] for each in self._agreement])
+        here, bounds = max(0, self._guard + offset), []
+        for side in (-1, 1):
+            beside = agreement[here::side][: 2 * self._guard]
+            least = SLACK * beside[0]
+            below = np.flatnonzero(beside < least)
+            # Before a picture's first window nothing is known.
+            if not below.size or beside[below[0]] == 0:
+                bounds.append(side * math.inf)
+                continue
+            n = int(below[0])
+            part = (beside[n - 1] - least) / (beside[n - 1] - beside[n])
+            bounds.append(side * float(n - 1 + part))
+        return bounds[0], bounds[1]
 
     def _on_time(self, place: float) -> float:
         """Correct the place of a window by the borders of the frames so far."""
@@ -264,8 +285,6 @@ class VideoTracker:
                 found.append((0, *self._decode(start, mode, parity=parity), False))
             if offset == 0 and found[0][2].l1 is None and self._lates < LATES:
                 found += self._late(start, mode)
-                if found[0][2].l0 is None and found[-1][2].l0 is not None:
-                    return found[-1]
             if found[-1][2].l1 is not None:
                 return found[-1]
         if self._due is not None and all(each[2].l0 is None for each in found):
@@ -275,7 +294,7 @@ class VideoTracker:
             found += [(n, *self._decode(start + n, mode), False) for n in earlier]
         if all(each[2].l0 is None for each in found):
             found += self._lagging(start, mode)
-        return max(found, key=lambda each: each[2].l0 is not None)
+        return max(found, key=lambda each: (each[2].l1 is not None, each[2].l0 is not None))
 
     def _late(self, start: int, number: int) -> list[tuple[int, Soft, Decoded, bool]]:
         """Decode the end of a window in which the pilots speak best for the parity that is due."""

@@ -90,6 +90,10 @@ def test_rates_without_a_choice(
     assert [coder for coder in made if "h264" in coder] == coders
     wholes = [channel for channel in channels if channel.whole]
     assert [channel.widest for channel in wholes] == widest
+    # No coder poorer than another costs that one its L1.
+    rates = [int(coder[5:-1]) for coder in coders[: len(wholes)]]
+    richest = [width > 640 and rate == max(rates) for rate in rates]
+    assert [channel.lone == "last" for channel in wholes] == richest
     # Far beyond 2 Mbit/s, L0 has to arrive there, with all values rather than with wider steps.
     rest = [channel.lone for channel in channels if not channel.whole]
     assert rest == ["first"] * (len(coders) - len(wholes)) + ["never"] * (width > 640)

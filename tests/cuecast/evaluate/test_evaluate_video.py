@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -106,6 +107,27 @@ def test_frugal_broadcast(tmp_path: Path) -> None:
     # x264 writes its settings into the first frame; those of veryfast: one reference, subme 2.
     for setting in (b"ref=1", b"subme=2", b"keyint=25 ", b"vbv_maxrate=2000", b"vbv_bufsize=2000"):
         assert setting in arrived
+
+
+@pytest.mark.parametrize("thrift", [0.5, 0.0])
+def test_a_thrifty_coder_is_asked_for_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, thrift: float
+) -> None:
+    asked: list[int] = []
+
+    def rewrite(source: Path, target: Path, *_: Any, bit_rate: int, **__: Any) -> None:
+        asked.append(bit_rate)
+        # Of a second and a fifth: a part of what is asked for, or the same whatever it is.
+        target.write_bytes(bytes(round(0.15 * (thrift * bit_rate or 100_000))))
+
+    write_clip(tmp_path / "clip.mkv", 30)
+    form = picture_format(tmp_path / "clip.mkv")
+    lumas = [(0.0, np.zeros((2, 2)))] * 30
+    monkeypatch.setattr("cuecast.evaluate.picture_channels.rewrite_picture", rewrite)
+    monkeypatch.setattr("cuecast.evaluate.picture_channels.read_lumas", lambda path: iter(lumas))
+    monkeypatch.setattr("cuecast.evaluate.picture_channels.picture_format", lambda path: form)
+    send(tmp_path / "clip.mkv", form, CHANNELS["av1-1M"])
+    assert asked == [1_000_000, 2_000_000 if thrift else 4_000_000]
 
 
 def test_rows_of_the_verb(tmp_path: Path) -> None:

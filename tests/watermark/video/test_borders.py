@@ -3,10 +3,14 @@
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
+from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
 from watermark.video.borders import BorderClock
+from watermark.video.embed import VideoEmbedder
 from watermark.video.modes import PilotWatch
 from watermark.video.profile import PILOTS
+from watermark.video.receive import VideoReceiver
 from watermark.video.timing import Timing
 
 WATCH, TIMING = PilotWatch(), Timing(Fraction(24000, 1001))
@@ -53,3 +57,14 @@ def test_noise_moves_nothing() -> None:
         clock.add(0, values, np.zeros(PILOTS))
         moved += clock.correction(0.0) != 0.0
     assert moved <= 2
+
+
+def test_borders_move_no_window_to_where_its_pilots_do_not_agree(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(BorderClock, "correction", lambda *_, **__: -3.0)
+    marked = mark([picture(n) for n in range(48)], VideoEmbedder(WIDTH, HEIGHT, 25, source()))
+    found = receive(marked, VideoReceiver(WIDTH, HEIGHT, 25))
+    # Three frames are .12 s; windows of this picture agree less from one and a half on.
+    assert found[0].position_s == pytest.approx(0, abs=0.08)
+    assert found[0].l1 is not None
