@@ -11,7 +11,7 @@ import platform
 import shlex
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -49,7 +49,12 @@ _YARDSTICK_S = 20.0
 
 
 def make_record(
-    kind: str, arguments: Sequence[str], results: Any, *, seed: int, clips: Path | None
+    kind: str,
+    arguments: Sequence[str],
+    results: Any,
+    *,
+    seed: int,
+    clips: Path | Iterable[Path] | None,
 ) -> dict[str, Any]:
     """Return the record of an evaluation that has just ended.
 
@@ -63,14 +68,16 @@ def make_record(
         Rows or one set of figures, ready for JSON.
     seed : int
         Of everything random.
-    clips : Path or None
-        Folder of the material; None where it was built in.
+    clips : Path, iterable of Path, or None
+        Folder of the material, or several, each of which may come up again; None where it was
+        built in.
 
     Returns
     -------
     dict
         With the keys of `FIELDS`.
     """
+    folders = [clips] if clips is None or isinstance(clips, Path) else list(dict.fromkeys(clips))
     return {
         "record": RECORD_VERSION,
         "kind": kind,
@@ -80,7 +87,7 @@ def make_record(
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "seed": seed,
         "machine": machine(),
-        "clips": describe_clips(clips),
+        "clips": [clip for folder in folders for clip in describe_clips(folder)],
         "results": results,
     }
 

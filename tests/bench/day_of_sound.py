@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuecast.evaluate.records import describe_clips, make_record
+from cuecast.evaluate.records import make_record
 from cuecast.evaluate.sound_channels import encode
 from tests.bench.false_locks import SIDE, passages
 from tests.bench.hunt import heard_of, payload_of
@@ -82,9 +82,8 @@ def main() -> None:
     row = {**figures_of(costs, encodes), "due": due, "read": read, "wrong": wrong}
     print(row)
     if options.record:
-        document = make_record("day_of_sound", (), [row], seed=options.seed, clips=None)
-        folders = dict.fromkeys(clip.parent for clip in options.clips)
-        document["clips"] = [clip for folder in folders for clip in describe_clips(folder)]
+        folders = [each.parent for each in options.clips]
+        document = make_record("day_of_sound", (), [row], seed=options.seed, clips=folders)
         document["command"] = (
             f"python -m tests.bench.day_of_sound CLIPS --channels {' '.join(options.channels)} "
             f"--hours {options.hours:g} --seed {options.seed} --store FOLDER --record FILE"

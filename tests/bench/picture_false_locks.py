@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cuecast.evaluate.records import describe_clips, make_record
+from cuecast.evaluate.records import make_record
 from receiver.media.picture import read_lumas
 from watermark.link.link import Link
 from watermark.video._place_kernels import resample_into
 from watermark.video.places import source_taps
-from watermark.video.profile import DATA, PROFILES
+from watermark.video.profile import DATA, LONE, PROFILES
 from watermark.video.receive import VideoReceiver
 
 WIDTH, HEIGHT, FPS = 640, 360, 25
@@ -61,9 +61,8 @@ def main() -> int:
             "times_real_time": round(frames / FPS / used_s, 1),
             "random": options.noise, "random_accepted": wrong,
         }  # fmt: skip
-        document = make_record("false_locks", (), [row], seed=options.seed, clips=None)
-        folders = dict.fromkeys(film.parent for film in options.films)
-        document["clips"] = [clip for folder in folders for clip in describe_clips(folder)]
+        folders = [each.parent for each in options.films]
+        document = make_record("false_locks", (), [row], seed=options.seed, clips=folders)
         document["command"] = (
             f"python -m tests.bench.picture_false_locks CLIPS --hours {options.hours:g} "
             f"--noise {options.noise} --seed {options.seed} --record FILE"
@@ -98,7 +97,7 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
 
 def noise(count: int, rng: np.random.Generator) -> int:
     """Accepted among `count` superframes of Gaussian soft values, shared among the profiles."""
-    links = [Link(profile) for profile in PROFILES.values()]
+    links = [Link(profile) for profile in (*PROFILES.values(), LONE)]
     decoded = (links[n % len(links)].decode(rng.normal(0, 2, DATA)) for n in range(count))
     return sum(each.l0 is not None for each in decoded)
 

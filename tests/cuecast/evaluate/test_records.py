@@ -58,6 +58,8 @@ def test_a_record_tells_all_that_repeats_it(clips: Path) -> None:
     assert record["machine"]["aac_xrt"] > 1
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", record["date"])
     assert str(clips.parent) not in json.dumps(record)
+    several = make_record("audio", argv, [], seed=3, clips=[clips, clips])
+    assert several["clips"] == record["clips"]
     (built_in,) = make_record("codec", ["evaluate", "codec"], {}, seed=0, clips=None)["clips"]
     assert built_in["licence"]
 
