@@ -33,8 +33,8 @@ RATE_ALIKE = 0.8
 MOST_PIXELS = 1.5
 """Pixels per second, in those of 720 lines at 25 frames, up to which L1 has to arrive at
 `USUAL_RATE`. Beyond, it leaves so little that the mark would be seen: a street with trees at 994
-lines had VMAF 92.0 in place of 95.7, and still lost L1 of 4 superframes of 12 there. L0 gets all
-values there instead, where it needs them."""
+lines had VMAF 92.0 in place of 95.7, and still lost L1 of 4 superframes of 12 there. Where even L0
+would need more than the usual strength there, it gets all values."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -270,11 +270,11 @@ def _usual_channels(
         coder = PictureStream(f"h264:{rate}k", width, height, fps, depth)
         # Poorer ways may not cost richer ones their L1.
         richest = rate == max(limited) and not firm
-        channels.append(TriedChannel(coder, True, widest, firm, "last" if richest else "never"))
+        channels.append(TriedChannel(coder, True, widest, firm, lone=richest))
     if in_proportion > MOST_PIXELS * USUAL_RATE and max(limited) * 1000 > USUAL_RATE:
         frugal = PictureStream(f"h264:{USUAL_RATE // 1000}k", width, height, fps, depth)
-        channels.append(TriedChannel(frugal, whole=False, widest=0, lone="first"))
+        channels.append(TriedChannel(frugal, whole=False, widest=1, modest=True))
     if not firm:
         small = _small_mpeg2(width, height, fps, depth)
-        channels.append(TriedChannel(small, whole=False, widest=1, lone="never"))
+        channels.append(TriedChannel(small, whole=False, widest=1, lone=False))
     return channels

@@ -13,7 +13,7 @@ and V12.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +75,11 @@ class TriedChannel:
     firm : bool
         Whether no strength below that without a trial is taken: for a coder that stands for
         unknown ones, which may leave less.
-    lone : {"never", "last", "first"}
-        Whether L0 may get all values, which L1 loses everywhere, where it would not arrive else:
-        never, behind the widest step, or before any step is taken for this channel's sake but at
-        a programme's beginning.
+    lone : bool
+        Whether L0 may get all values, which L1 loses everywhere, where it would not arrive with
+        its margin at this channel's widest step.
+    modest : bool
+        Whether it gets them rather than any strength beyond that without a trial.
 
     Examples
     --------
@@ -96,7 +97,8 @@ class TriedChannel:
     whole: bool = True
     widest: int = len(STEPS) - 1
     firm: bool = False
-    lone: Literal["never", "last", "first"] = "last"
+    lone: bool = True
+    modest: bool = False
 
 
 class PictureLoop:
@@ -177,9 +179,6 @@ class PictureLoop:
     def _least_visible(self, place: int, findings: Sequence[TrialFinding | None]) -> Strength:
         """Return the strength that changes the picture least among those that suffice."""
         fixed = fixed_strength(place, self._painter.shape)
-        widest = max(channel.widest for channel in self._channels)
-        enough = np.array([strength.rung <= widest for strength in STRENGTHS])
-        costs = np.zeros(len(STRENGTHS))
         tried = []
         for finding, channel in zip(findings, self._channels, strict=True):
             if finding is None:
@@ -187,26 +186,34 @@ class PictureLoop:
             costs = self._costs(finding)
             strong = costs >= costs[STRENGTHS.index(fixed)]
             bits = np.array([finding.at(strength) for strength in STRENGTHS])
-            tried.append((bits, channel))
-            # Each coder starts poor, which shall not cost a programme its first L1.
-            if channel.lone != "first" or place == 0:
-                enough &= self._enough(bits, channel, place, costs, strong)
-            enough &= strong | (not channel.firm)
-        if enough.any():
-            chosen = int(np.where(enough, costs, np.inf).argmin())
-        else:
+            enough = self._enough(bits, channel, place, costs, strong)
+            tried.append((bits, channel, enough & (strong | (not channel.firm))))
+        chosen = self._cheapest(costs, [enough for *_, enough in tried])
+        others = [each for each in tried if not self._needs_all(*each[:2], chosen)]
+        if len(others) == len(tried):
+            return STRENGTHS[chosen]
+        # No more than the other channels ask for, or than without a trial, unless L0 needs it.
+        least = STRENGTHS.index(fixed)
+        if others:
+            least = self._cheapest(costs, [enough for *_, enough in others])
+        return self._lone([each[:2] for each in tried], costs, costs >= costs[least])
+
+    def _cheapest(self, costs: FloatArray, masks: Sequence[NDArray[np.bool_]]) -> int:
+        """Index of the least visible strength that suffices for all of these."""
+        widest = max(channel.widest for channel in self._channels)
+        enough = np.array([strength.rung <= widest for strength in STRENGTHS])
+        for mask in masks:
+            enough &= mask
+        if not enough.any():
             # Channels that exclude one another: the strongest that all of them allow.
-            chosen = _strongest(min(channel.widest for channel in self._channels))
-        if any(self._needs_all(bits, channel, chosen) for bits, channel in tried):
-            usual = STRENGTHS.index(fixed)
-            return self._lone(tried, costs, costs >= min(costs[chosen], costs[usual]))
-        return STRENGTHS[chosen]
+            return _strongest(min(channel.widest for channel in self._channels))
+        return int(np.where(enough, costs, np.inf).argmin())
 
     def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: int) -> bool:
         """Whether L0 arrives through a channel with its margin in all values alone."""
         left, (first, both) = float(bits[chosen]), self._rates(self._profile)
         allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
-        if channel.lone == "never" or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
+        if not channel.lone or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
             return False
         return left < L0_MARGIN * first and not (channel.whole and left >= HOPELESS * both)
 
@@ -220,6 +227,8 @@ class PictureLoop:
 
         Where it does not, the one that leaves the most, up to each channel's widest step.
         """
+        widest = max(channel.widest for _, channel in tried)
+        strong &= np.array([strength.rung <= widest for strength in STRENGTHS])
         enough = strong
         for bits, channel in tried:
             allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
@@ -267,6 +276,10 @@ class PictureLoop:
         """
         first, rate = self._rates(self._profile)
         allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        strongest = _strongest(channel.widest)
+        if channel.modest:
+            allowed &= costs <= costs[strong].min()
+            strongest = int(np.where(allowed, costs, 0).argmax())
         most = bits[allowed].max()
         if channel.whole:
             margin = OPENING_MARGIN if place == 0 else MARGIN
@@ -277,7 +290,7 @@ class PictureLoop:
                 return np.asarray(bits >= NEARLY * most)
         enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
         if not enough[allowed].any():
-            enough = costs >= costs[_strongest(channel.widest)]
+            enough = costs >= costs[strongest]
         return np.asarray(enough)
 
 

@@ -93,10 +93,10 @@ def test_rates_without_a_choice(
     # No coder poorer than another costs that one its L1.
     rates = [int(coder[5:-1]) for coder in coders[: len(wholes)]]
     richest = [width > 640 and rate == max(rates) for rate in rates]
-    assert [channel.lone == "last" for channel in wholes] == richest
+    assert [channel.lone for channel in wholes] == richest
     # Far beyond 2 Mbit/s, L0 has to arrive there, with all values rather than with wider steps.
-    rest = [channel.lone for channel in channels if not channel.whole]
-    assert rest == ["first"] * (len(coders) - len(wholes)) + ["never"] * (width > 640)
+    rest = [(channel.lone, channel.modest) for channel in channels if not channel.whole]
+    assert rest == [(True, True)] * (len(coders) - len(wholes)) + [(False, False)] * (width > 640)
 
 
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(2997, 125), Fraction(12), Fraction(120)])

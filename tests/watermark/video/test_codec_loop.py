@@ -142,7 +142,7 @@ def test_l0_alone_needs_less() -> None:
 
 
 def test_l0_gets_all_values_where_it_would_not_arrive() -> None:
-    _, never = marked_for(TriedChannel(Spared(), lone="never"))
+    _, never = marked_for(TriedChannel(Spared(), lone=False))
     marked, report = marked_for(TriedChannel(Spared()))
     assert (never.lone, report.lone) == (0, 3)
     assert report.psnr_db > never.psnr_db + 1
@@ -155,14 +155,22 @@ def test_l0_gets_all_values_where_it_would_not_arrive() -> None:
 
 
 def test_l0_shares_where_both_arrive_or_nothing_does() -> None:
-    assert marked_for(TriedChannel(Spoiler(0.0), lone="first"))[1].lone == 0
-    assert marked_for(TriedChannel(Spoiler(0.5)))[1].lone == 0
-    assert marked_for(TriedChannel(Spoiler(60.0), lone="first"))[1].lone == 0
+    for deviation in (0.0, 0.5, 60.0):
+        assert marked_for(TriedChannel(Spoiler(deviation)))[1].lone == 0
+
+
+def test_modest_channels_ask_for_nothing_that_is_seen() -> None:
+    _, plain = fixed()
+    marked, report = marked_for(TriedChannel(Spared(), whole=False, modest=True))
+    _, bold = marked_for(TriedChannel(Spared(), whole=False, lone=False))
+    assert report.lone == 3
+    assert bold.psnr_db + 1 < report.psnr_db
+    assert marked_for(TriedChannel(Spoiler(0.2), whole=False, modest=True))[1].lone == 0
 
 
 def test_receivers_follow_to_l0_alone_and_back() -> None:
     frames = [picture(n) for n in range(6 * 16)]
-    channel = TriedChannel(Spared(32, 64), lone="first")
+    channel = TriedChannel(Spared(32, 64))
     embedder = VideoEmbedder(WIDTH, HEIGHT, 25, source(), channels=[channel])
     marked = mark(frames, embedder)
     assert embedder.report().lone == 2
