@@ -160,8 +160,7 @@ def test_l0_shares_where_both_arrive_or_nothing_does() -> None:
 
 
 def test_modest_channels_ask_for_nothing_that_is_seen() -> None:
-    _, plain = fixed()
-    marked, report = marked_for(TriedChannel(Spared(), whole=False, modest=True))
+    _, report = marked_for(TriedChannel(Spared(), whole=False, modest=True))
     _, bold = marked_for(TriedChannel(Spared(), whole=False, lone=False))
     assert report.lone == 3
     assert bold.psnr_db + 1 < report.psnr_db
