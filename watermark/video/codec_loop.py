@@ -201,7 +201,7 @@ class PictureLoop:
     def _cheapest(self, costs: FloatArray, masks: Sequence[NDArray[np.bool_]]) -> int:
         """Index of the least visible strength that suffices for all of these."""
         widest = max(channel.widest for channel in self._channels)
-        enough = np.array([strength.rung <= widest for strength in STRENGTHS])
+        enough = _up_to(widest)
         for mask in masks:
             enough &= mask
         if not enough.any():
@@ -212,7 +212,7 @@ class PictureLoop:
     def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: int) -> bool:
         """Whether L0 arrives through a channel with its margin in all values alone."""
         left, (first, both) = float(bits[chosen]), self._rates(self._profile)
-        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        allowed = _up_to(channel.widest)
         if not channel.lone or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
             return False
         return left < L0_MARGIN * first and not (channel.whole and left >= HOPELESS * both)
@@ -228,10 +228,10 @@ class PictureLoop:
         Where it does not, the one that leaves the most, up to each channel's widest step.
         """
         widest = max(channel.widest for _, channel in tried)
-        strong &= np.array([strength.rung <= widest for strength in STRENGTHS])
+        strong &= _up_to(widest)
         enough = strong
         for bits, channel in tried:
-            allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+            allowed = _up_to(channel.widest)
             most = bits[strong & allowed].max(initial=0.0)
             enough = enough & (bits >= min(L0_MARGIN * self._rates(LONE)[0], most))
         if not enough.any():
@@ -275,7 +275,7 @@ class PictureLoop:
         but wider ones suffice as well.
         """
         first, rate = self._rates(self._profile)
-        allowed = np.array([strength.rung <= channel.widest for strength in STRENGTHS])
+        allowed = _up_to(channel.widest)
         strongest = _strongest(channel.widest)
         if channel.modest:
             allowed &= costs <= costs[strong].min()
@@ -292,6 +292,11 @@ class PictureLoop:
         if not enough[allowed].any():
             enough = costs >= costs[strongest]
         return np.asarray(enough)
+
+
+def _up_to(widest: int) -> NDArray[np.bool_]:
+    """Which of `STRENGTHS` have no wider step."""
+    return np.array([strength.rung <= widest for strength in STRENGTHS])
 
 
 def _strongest(widest: int) -> int:
