@@ -379,7 +379,10 @@ class VideoTracker:
             self.profile = profile
         self._misses = 0 if decoded.l0 is not None else self._misses + 1
         if decoded.l0 is not None:
-            self._newest, self._newest_place = (soft.parity, decoded.l0), place
+            due = self._parity(round(place))
+            # Pilots that are too weak to show it would let this superframe pass for the next, too.
+            parity = soft.parity if due is None or soft.agreement >= THRESHOLD else due
+            self._newest, self._newest_place = (parity, decoded.l0), place
             self._read.append(decoded.l0)
         self._last = place
         self._due = place + self._timing.span if self._misses <= self.patience else None

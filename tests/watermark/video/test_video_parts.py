@@ -8,9 +8,9 @@ import pytest
 
 from tests.watermark.pictures import mark, picture, source
 from watermark.audio.signal.profile import PROFILES as AUDIO_PROFILES
-from watermark.link.link import Link
+from watermark.link.link import Decoded, Link
 from watermark.video import _kernels
-from watermark.video.demodulate import LAGS, soft_bits, without_lag
+from watermark.video.demodulate import LAGS, Soft, soft_bits, without_lag
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid, Region
 from watermark.video.layout import make_layout
@@ -28,6 +28,7 @@ from watermark.video.profile import (
     find_profile,
 )
 from watermark.video.timing import Timing
+from watermark.video.track import VideoTracker
 
 
 def test_cells_outside_the_picture_are_not_seen() -> None:
@@ -236,3 +237,13 @@ def test_kernels_agree_with_their_python() -> None:
         kernel(*arguments[:-1], compiled)
         kernel.py_func(*arguments[:-1], plain)
         np.testing.assert_allclose(compiled, plain, rtol=1e-5, atol=1e-5)
+
+
+def test_weak_pilots_let_no_superframe_pass_for_the_next() -> None:
+    tracker = VideoTracker(Grid(320, 180), Timing(Fraction(25)))
+    ratios, coded = np.zeros(DATA), np.full(DATA, -1)
+    tracker._deliver(2.0, Soft(ratios, 0, 0.9), Decoded(b"first", None, coded))
+    # Its pilots say even, but hardly: the one that is due is odd.
+    tracker._deliver(18.0, Soft(ratios, 0, 0.01), Decoded(b"second", None, coded))
+    assert tracker._is_old(34, b"second", 1)
+    assert not tracker._is_old(34, b"second", 0)
