@@ -78,8 +78,6 @@ class TriedChannel:
     lone : bool
         Whether L0 may get all values, which L1 loses everywhere, where it would not arrive with
         its margin at this channel's widest step.
-    modest : bool
-        Whether it gets them rather than any strength beyond that without a trial.
 
     Examples
     --------
@@ -98,7 +96,6 @@ class TriedChannel:
     widest: int = len(STEPS) - 1
     firm: bool = False
     lone: bool = True
-    modest: bool = False
 
 
 class PictureLoop:
@@ -276,10 +273,6 @@ class PictureLoop:
         """
         first, rate = self._rates(self._profile)
         allowed = _up_to(channel.widest)
-        strongest = _strongest(channel.widest)
-        if channel.modest:
-            allowed &= costs <= costs[strong].min()
-            strongest = int(np.where(allowed, costs, 0).argmax())
         most = bits[allowed].max()
         if channel.whole:
             margin = OPENING_MARGIN if place == 0 else MARGIN
@@ -290,7 +283,7 @@ class PictureLoop:
                 return np.asarray(bits >= NEARLY * most)
         enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
         if not enough[allowed].any():
-            enough = costs >= costs[strongest]
+            enough = costs >= costs[_strongest(channel.widest)]
         return np.asarray(enough)
 
 

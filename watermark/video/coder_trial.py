@@ -34,8 +34,8 @@ ODDS = tuple((0.6, 0.25, 0.15)[rung] / len(SHARES[rung]) for rung, _ in TRIED)
 TRIED_NUMBERS = range(len(TRIED))
 
 BEGINS = 0.0, 0.5, 0.75
-"""Where in a window a pattern may begin to be seen: receivers read from there where more is lost
-before."""
+"""Parts of a window after which a pattern may begin to be seen: receivers read from there where
+more is lost before."""
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]

@@ -159,14 +159,6 @@ def test_l0_shares_where_both_arrive_or_nothing_does() -> None:
         assert marked_for(TriedChannel(Spoiler(deviation)))[1].lone == 0
 
 
-def test_modest_channels_ask_for_nothing_that_is_seen() -> None:
-    _, report = marked_for(TriedChannel(Spared(), whole=False, modest=True))
-    _, bold = marked_for(TriedChannel(Spared(), whole=False, lone=False))
-    assert report.lone == 3
-    assert bold.psnr_db + 1 < report.psnr_db
-    assert marked_for(TriedChannel(Spoiler(0.2), whole=False, modest=True))[1].lone == 0
-
-
 def test_receivers_follow_to_l0_alone_and_back() -> None:
     frames = [picture(n) for n in range(6 * 16)]
     channel = TriedChannel(Spared(32, 64))
