@@ -207,7 +207,7 @@ class PictureLoop:
         return int(np.where(enough, costs, np.inf).argmin())
 
     def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: int) -> bool:
-        """Whether L0 arrives through a channel with its margin in all values alone."""
+        """Whether L0 has its margin behind a channel only if it gets all values."""
         left, (first, both) = float(bits[chosen]), self._rates(self._profile)
         allowed = _up_to(channel.widest)
         if not channel.lone or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
@@ -220,7 +220,7 @@ class PictureLoop:
         costs: FloatArray,
         strong: NDArray[np.bool_],
     ) -> Strength:
-        """Return the least visible strength, of these, at which L0 arrives in all values.
+        """Return the least visible of these strengths at which L0 in all values arrives everywhere.
 
         Where it does not, the one that leaves the most, up to each channel's widest step.
         """
