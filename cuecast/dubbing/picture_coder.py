@@ -31,11 +31,10 @@ RATE_ALIKE = 0.8
 """Part of the one rate from which on the other is not tried beside it: a trial errs by as much."""
 
 MOST_PIXELS = 1.5
-"""Pixels per second, in those of 720 lines at 25 frames, up to which `USUAL_RATE` is tried. Beyond,
-it leaves so little that the mark is seen: a street with trees at 994 lines had VMAF 92.0 in place
-of 95.7, and still lost L1 of 4 superframes of 12 there. To ask for L0 there, alone in all values
-beyond the usual strength, saved 3 superframes of 24 of that street, none of 24 of a town from the
-air, and cost the town the L1 of nearly all, for viewers with more bits, too."""
+"""Pixels per second, in those of 720 lines at 25 frames, up to which L1 is tried at `USUAL_RATE`.
+Beyond, it leaves so little that the mark is seen: a street with trees at 994 lines had VMAF 92.0 in
+place of 95.7, and still lost L1 of 4 superframes of 12 there. L0 alone in its own values cost it .4
+and saved 3 of 12; up to the widest step a jungle lost .9 more, and saved one of 22."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -211,11 +210,11 @@ def picture_channels(
     ----------
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
-        begins with ``l0``, L0 alone has to arrive. ``none`` for no trial, None for H.264 at
-        `USUAL_RATE` up to `MOST_PIXELS`, H.264 at `USUAL_BITS_PER_PIXEL` and, for
-        L0 alone, MPEG-2 at `SMALL_LINES`, the widest step only for the first. Small pictures have
-        the second one alone, and no strength below that of ``none``, at which L1 arrives at
-        `USUAL_RATE`.
+        begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
+        `USUAL_RATE` up to `MOST_PIXELS`, and at `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at
+        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, and MPEG-2 at `SMALL_LINES`; the
+        widest step only for the first. Small pictures have only the second one, at no strength
+        below that of ``none``, at which L1 arrives at `USUAL_RATE`, and the cleaner.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -272,7 +271,14 @@ def _usual_channels(
         # Poorer ways may not cost richer ones their L1.
         richest = rate == max(limited) and not firm
         channels.append(TriedChannel(coder, True, widest, firm, lone=richest))
+    # Behind cheaper ways L0 alone has to arrive.
+    frugal = f"h264:{max(1, round(min(USUAL_RATE, most_bps or USUAL_RATE) / 1000))}k"
+    poor: list[PictureCoder] = []
+    if in_proportion > MOST_PIXELS * USUAL_RATE:
+        poor.append(PictureStream(frugal, width, height, fps, depth))
+    cleaned = PictureStream(frugal, width, height, fps, 8)
+    poor.append(_PictureChain([Denoiser(depth), cleaned]))
     if not firm:
-        small = _small_mpeg2(width, height, fps, depth)
-        channels.append(TriedChannel(small, whole=False, widest=1, lone=False))
+        poor.append(_small_mpeg2(width, height, fps, depth))
+    channels += [TriedChannel(coder, whole=False, widest=1, lone=False) for coder in poor]
     return channels

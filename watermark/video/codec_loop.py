@@ -1,8 +1,9 @@
 """Codec in the loop: each superframe is tried on the broadcaster's own coder before it is marked.
 
 In: the picture and the designs of its superframes; out: for each one the least visible strength at
-which it arrives. One run of the coder tries all strengths at once: a trial copy of the picture has
-a random strength in every value, and the decoded copy shows how much information each of them
+which both classes arrive, that of L0 and that of L1 apart. One run of the coder tries all strengths
+at once: a trial copy of the picture has a random strength in every value, and the decoded copy
+shows how much information each of them
 leaves. The coder runs on as one stream, for its rate control has a long memory. Sources: the copy
 of the receiver inside the emitter of Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006; that less
 than the whole way to a lattice point may suffice: Eggers, Bäuml, Tzschoppe and Girod, "Scalar Costa
@@ -12,7 +13,7 @@ and V12.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,20 +21,20 @@ from numpy.typing import NDArray
 
 from watermark.link.link import L0_CHECK, L1_CHECK
 from watermark.video.coder_trial import ODDS, SHARES, TRIED, CoderTrial, PictureCoder, TrialFinding
-from watermark.video.design import Design, Strength, fixed_strength
+from watermark.video.design import Design, Strength, Way, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.modes import Mode
 from watermark.video.painting import Painter
-from watermark.video.profile import COARSE, LONE, POSITIONS, STEPS, VideoProfile
+from watermark.video.profile import COARSE, DATA, LONE, POSITIONS, STEPS, VideoProfile
 from watermark.video.timing import Timing
 
-STRENGTHS = tuple(
-    Strength(rung, fine / 20, coarse / 20)
+WAYS = tuple(
+    (rung, Way(fine / 20, coarse / 20))
     for rung, shares in enumerate(SHARES)
     for fine in range(round(20 * shares[0]), 21)
     for coarse in range(round(20 * shares[0]), 21)
 )
-"""Strengths among which one is chosen: each step, with a part of the way for each kind of cells."""
+"""Steps and ways among which that of each class is chosen."""
 
 MARGIN = 1.65
 """Information that is enough, in units of the message's and its checks' bits. Classes decode from
@@ -59,6 +60,7 @@ NEARLY = 0.95
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +145,8 @@ class PictureLoop:
         self._writer.add_frame(luma)
         if design is not None:
             choice = np.random.default_rng(design.place).choice(len(TRIED), POSITIONS, p=ODDS)
-            tried = [Strength(rung, share, share) for rung, share in TRIED]
+            ways = [(rung, Way(share, share)) for rung, share in TRIED]
+            tried = [Strength(rung, way, way) for rung, way in ways]
             moves = design.mixed(self._modes, tried, choice)
             self._writer.add_pattern(self._painter.paint(moves, design.smooth))
             self._places.append(design.place)
@@ -181,44 +184,47 @@ class PictureLoop:
             if finding is None:
                 return fixed
             costs = self._costs(finding)
-            strong = costs >= costs[STRENGTHS.index(fixed)]
-            bits = np.array([finding.at(strength) for strength in STRENGTHS])
-            enough = self._enough(bits, channel, place, costs, strong)
-            tried.append((bits, channel, enough & (strong | (not channel.firm))))
+            strong = costs >= costs[WAYS.index((fixed.rung, fixed.first))]
+            bits = np.array([finding.at(*way) for way in WAYS])
+            tried.append((bits, channel, self._enough(bits, channel, place, costs, strong)))
         chosen = self._cheapest(costs, [enough for *_, enough in tried])
         others = [each for each in tried if not self._needs_all(*each[:2], chosen)]
         if len(others) == len(tried):
-            return STRENGTHS[chosen]
+            return chosen
         # No more than the other channels ask for, or than without a trial, unless L0 needs it.
-        least = STRENGTHS.index(fixed)
-        if others:
-            least = self._cheapest(costs, [enough for *_, enough in others])
-        return self._lone([each[:2] for each in tried], costs, costs >= costs[least])
+        least = self._cheapest(costs, [enough for *_, enough in others]) if others else fixed
+        least_cost = self._cost(costs, least)
+        return self._lone([each[:2] for each in tried], costs, costs >= least_cost)
 
-    def _cheapest(self, costs: FloatArray, masks: Sequence[NDArray[np.bool_]]) -> int:
-        """Index of the least visible strength that suffices for all of these."""
+    def _cheapest(self, costs: FloatArray, masks: Sequence[tuple[Mask, Mask]]) -> Strength:
+        """Return the least visible strength that suffices for all of these.
+
+        L0 is never weaker than L1, for it has to arrive where L1 does not.
+        """
         widest = max(channel.widest for channel in self._channels)
-        enough = _up_to(widest)
-        for mask in masks:
-            enough &= mask
-        if not enough.any():
+        first, rest = (np.all(each, axis=0) for each in zip(*masks, strict=True))
+        allowed = _up_to(widest)
+        together = STRONGER & (first & allowed)[:, None] & (rest & allowed)
+        if not together.any():
             # Channels that exclude one another: the strongest that all of them allow.
-            return _strongest(min(channel.widest for channel in self._channels))
-        return int(np.where(enough, costs, np.inf).argmin())
+            return Strength(min(channel.widest for channel in self._channels))
+        part = self._profile.l0_coded / DATA
+        total = np.where(together, part * costs[:, None] + (1 - part) * costs, np.inf)
+        one, other = np.unravel_index(int(total.argmin()), total.shape)
+        return Strength(WAYS[one][0], WAYS[one][1], WAYS[other][1])
 
-    def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: int) -> bool:
+    def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: Strength) -> bool:
         """Whether L0 has its margin behind a channel only if it gets all values."""
-        left, (first, both) = float(bits[chosen]), self._rates(self._profile)
+        first, both = self._rates(self._profile)
+        left = bits[WAYS.index((chosen.rung, chosen.first))]
+        rest = bits[WAYS.index((chosen.rung, chosen.rest))]
         allowed = _up_to(channel.widest)
         if not channel.lone or bits[allowed].max() < HOPELESS * self._rates(LONE)[0]:
             return False
-        return left < L0_MARGIN * first and not (channel.whole and left >= HOPELESS * both)
+        return bool(left < L0_MARGIN * first and not (channel.whole and rest >= HOPELESS * both))
 
     def _lone(
-        self,
-        tried: Sequence[tuple[FloatArray, TriedChannel]],
-        costs: FloatArray,
-        strong: NDArray[np.bool_],
+        self, tried: Sequence[tuple[FloatArray, TriedChannel]], costs: FloatArray, strong: Mask
     ) -> Strength:
         """Return the least visible of these strengths at which L0 in all values arrives everywhere.
 
@@ -233,8 +239,8 @@ class PictureLoop:
             enough = enough & (bits >= min(L0_MARGIN * self._rates(LONE)[0], most))
         if not enough.any():
             enough = strong
-        chosen = STRENGTHS[int(np.where(enough, costs, np.inf).argmin())]
-        return replace(chosen, lone=True)
+        rung, way = WAYS[int(np.where(enough, costs, np.inf).argmin())]
+        return Strength(rung, way, way, lone=True)
 
     def _rates(self, profile: VideoProfile) -> tuple[float, float]:
         """Bits and their check per coded bit, of L0 and of the class that has more."""
@@ -244,54 +250,70 @@ class PictureLoop:
         return first, max(first, (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded)
 
     def _costs(self, finding: TrialFinding) -> FloatArray:
-        """Mean square of the pattern at each strength, up to a factor."""
+        """Mean square of a value's move with each of `WAYS`, up to a factor."""
         fine, coarse = finding.parts
         return np.array(
             [
-                self._modes[s.rung].step ** 2
-                * (fine * s.fine**2 + coarse * (COARSE * s.coarse) ** 2)
-                for s in STRENGTHS
+                self._modes[rung].step ** 2
+                * (fine * way.fine**2 + coarse * (COARSE * way.coarse) ** 2)
+                for rung, way in WAYS
             ]
         )
 
+    def _cost(self, costs: FloatArray, strength: Strength) -> float:
+        """Return the same for a strength."""
+        first, rest = (
+            costs[WAYS.index((strength.rung, way))] for way in (strength.first, strength.rest)
+        )
+        return float(rest + self._profile.l0_coded / DATA * (first - rest))
+
     def _enough(
-        self,
-        bits: FloatArray,
-        channel: TriedChannel,
-        place: int,
-        costs: FloatArray,
-        strong: NDArray[np.bool_],
-    ) -> NDArray[np.bool_]:
-        """Which strengths suffice for a channel that leaves so many bits per value at each.
+        self, bits: FloatArray, channel: TriedChannel, place: int, costs: FloatArray, strong: Mask
+    ) -> tuple[Mask, Mask]:
+        """Which ways suffice for L0 and for L1 in a channel that leaves so many bits at each.
 
         `strong`: those not weaker than without a trial.
 
-        In this order: strengths at which both classes arrive with their margin; if there are none,
-        those that leave nearly the most, if both may still arrive; then those at which L0 arrives
-        with its margin; at last the strongest. None is asked for beyond the channel's widest step,
-        but wider ones suffice as well.
+        In this order: ways of L1 at which both classes arrive with their margin; if there are none,
+        those that leave nearly the most, if both may still arrive; then those of L0 at which it
+        arrives with its margin; at last the strongest. None is asked for beyond the channel's
+        widest step, but wider ones suffice as well.
         """
         first, rate = self._rates(self._profile)
-        allowed = _up_to(channel.widest)
+        allowed, anything = _up_to(channel.widest), np.ones(len(WAYS), dtype=bool)
+        least = strong if channel.firm else anything
         most = bits[allowed].max()
         if channel.whole:
             margin = OPENING_MARGIN if place == 0 else MARGIN
             wanted = min(CEILING, margin * rate)
-            if most >= wanted:
-                return np.asarray(bits >= wanted)
             if most >= HOPELESS * rate:
-                return np.asarray(bits >= NEARLY * most)
-        enough = (bits >= L0_MARGIN * first) & (strong | (not channel.whole))
+                return least, least & (bits >= (wanted if most >= wanted else NEARLY * most))
+            least = strong
+        enough = least & (bits >= L0_MARGIN * first)
         if not enough[allowed].any():
+            if not channel.whole and most < HOPELESS * first:
+                return least, least
             enough = costs >= costs[_strongest(channel.widest)]
-        return np.asarray(enough)
+        return enough, least
 
 
-def _up_to(widest: int) -> NDArray[np.bool_]:
-    """Which of `STRENGTHS` have no wider step."""
-    return np.array([strength.rung <= widest for strength in STRENGTHS])
+def _up_to(widest: int) -> Mask:
+    """Which of `WAYS` have no wider step."""
+    return np.array([rung <= widest for rung, _ in WAYS])
 
 
 def _strongest(widest: int) -> int:
-    """Index of the strongest of `STRENGTHS` up to a step, the whole way in all cells."""
-    return STRENGTHS.index(Strength(widest))
+    """Index of the strongest of `WAYS` up to a step, the whole way in all cells."""
+    return WAYS.index((widest, Way()))
+
+
+STRONGER = np.array(
+    [
+        [
+            rung == other and way.fine >= weak.fine and way.coarse >= weak.coarse
+            for other, weak in WAYS
+        ]
+        for rung, way in WAYS
+    ]
+)
+"""Which of `WAYS` (rows) L0 may have beside L1 with another (columns): one step, and no less."""

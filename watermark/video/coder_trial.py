@@ -5,7 +5,7 @@ coder; out: bits per value for each strength and kind of cell.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Protocol
@@ -14,12 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from watermark.video.demodulate import MOTION_LIMIT, MOTION_WEIGHT, NOISES
-from watermark.video.design import Design, Strength
+from watermark.video.demodulate import (
+    LAG_MOTION,
+    LAGS,
+    MOTION_LIMIT,
+    MOTION_WEIGHT,
+    NOISES,
+    without_lag,
+)
+from watermark.video.design import Design, Way
 from watermark.video.grid import Grid
 from watermark.video.lattices import lattice_shares, likelihood
 from watermark.video.modes import Mode
 from watermark.video.profile import TEMPLATES, TEXTURE, TEXTURE_EVERY
+from watermark.video.recent_frames import LAG_FRAMES
 from watermark.video.timing import Timing
 
 SHARES = ((0.5, 0.6, 0.7, 0.85, 1.0), (0.6, 0.8, 1.0), (0.6, 0.8, 1.0))
@@ -80,15 +88,15 @@ class TrialFinding:
     parts: FloatArray
     information: FloatArray
 
-    def at(self, strength: Strength) -> float:
-        """Mean bits per value at a strength, between those tried if need be."""
-        shares = SHARES[strength.rung]
-        first = TRIED.index((strength.rung, shares[0]))
+    def at(self, rung: int, way: Way) -> float:
+        """Mean bits per value with a step and a way, between those tried if need be."""
+        shares = SHARES[rung]
+        first = TRIED.index((rung, shares[0]))
         tried = slice(first, first + len(shares))
         fine, coarse = self.information[:, tried]
         return float(
-            self.parts[0] * np.interp(strength.fine, shares, fine)
-            + self.parts[1] * np.interp(strength.coarse, shares, coarse)
+            self.parts[0] * np.interp(way.fine, shares, fine)
+            + self.parts[1] * np.interp(way.coarse, shares, coarse)
         )
 
 
@@ -113,7 +121,7 @@ class CoderTrial:
         self._coder, self._modes, self._timing = coder, modes, timing
         self._grid: Grid | None = None  # known with the first decoded frame: a coder may shrink
         self._received = 0
-        self._values: list[FloatArray] = []
+        self._values: list[FloatArray] = []  # of a window, and of `LAG_FRAMES` frames before it
         self._textures: list[FloatArray] = []
         self._waiting: deque[tuple[Design, IntArray]] = deque()
         self.findings: deque[TrialFinding | None] = deque()
@@ -137,9 +145,9 @@ class CoderTrial:
             grid = self._grid = self._grid or Grid(luma.shape[1], luma.shape[0])
             if self._waiting:
                 start = self._timing.window_start(self._waiting[0][0].place)
-                if start <= self._received < start + self._timing.window:
+                if start - LAG_FRAMES <= self._received < start + self._timing.window:
                     self._values.append(grid.project(luma).reshape(-1))
-                    if self._received % TEXTURE_EVERY == 0:
+                    if self._received >= start and self._received % TEXTURE_EVERY == 0:
                         self._textures.append(grid.texture(luma).reshape(-1))
                 if self._received == start + self._timing.window - 1:
                     self.findings.append(self._measured(*self._waiting.popleft()))
@@ -165,23 +173,38 @@ class CoderTrial:
         ]
         counts = np.array([[group.size for group in kind] for kind in groups], dtype=np.float64)
         # Information per cell that arrives of each strength, apart for smooth (0) and textured (1)
-        # cells, from the part of the window that shows most, as receivers look for it.
+        # cells, from the part of the window that shows most, or with the lag that does taken back,
+        # as receivers look for it.
         tables = []
-        for begin in BEGINS:
-            seen = values[round(begin * len(values)) :]
+        for mean, variance in self._readings(values, texture):
             table = np.zeros((2, len(TRIED)))
             for kind, index in product((0, 1), TRIED_NUMBERS):
                 mine, step = groups[kind][index], self._modes[TRIED[index][0]].step
                 if mine.size:
                     # In steps: the mean over the trial's frames is the value sent, their variance
                     # the noise.
-                    place = seen[:, mine].mean(axis=0) / step - dither[mine]
-                    variance = values[:, mine].var(axis=0) / step**2
-                    table[kind, index] = _information(place, variance, bits[mine], share[:, mine])
+                    place = mean[mine] / step - dither[mine]
+                    spread = variance[mine] / step**2
+                    table[kind, index] = _information(place, spread, bits[mine], share[:, mine])
             tables.append(table)
         found = max(tables, key=lambda table: float(np.sum(table * counts)))
         parts = np.array([1 - textured.mean(), textured.mean()])
         return TrialFinding(parts, _smooth(found, counts))
+
+    def _readings(
+        self, values: FloatArray, texture: FloatArray
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Mean and variance of each amplitude in a window, in all ways that receivers try."""
+        before, seen = values[: -self._timing.window], values[-self._timing.window :]
+        for begin in BEGINS:
+            late = seen[round(begin * len(seen)) :]
+            yield late.mean(axis=0), late.var(axis=0)
+        if len(before):
+            mean, variance = seen.mean(axis=0), seen.var(axis=0)
+            rise = seen[-LAG_FRAMES:].mean(axis=0) - before.mean(axis=0)
+            for lag in LAGS:
+                textures = np.tile(texture, TEMPLATES)
+                yield without_lag(mean, rise, textures, lag), LAG_MOTION * variance
 
 
 def _information(

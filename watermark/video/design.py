@@ -36,6 +36,22 @@ even in a frame at eight times its contrast."""
 
 
 @dataclass(frozen=True, slots=True)
+class Way:
+    """Part of the way to its lattice point that an amplitude is moved, 0.5 to 1.
+
+    Less is harder to see and leaves less room for noise; receivers take the rest for noise.
+
+    Attributes
+    ----------
+    fine, coarse : float
+        In cells with the fine and with the coarse step.
+    """
+
+    fine: float = 1.0
+    coarse: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Strength:
     """How strongly a superframe is marked.
 
@@ -43,17 +59,15 @@ class Strength:
     ----------
     rung : int
         Which of the profile's steps.
-    fine, coarse : float
-        Part of the way to the lattice point that each amplitude is moved, 0.5 to 1, in cells with
-        the fine and with the coarse step. Less is harder to see and leaves less room for noise;
-        receivers take the rest for noise.
+    first, rest : Way
+        Of the values of L0, and of those of L1.
     lone : bool
         Whether L0 alone has all values, as in `LONE`.
     """
 
     rung: int
-    fine: float = 1.0
-    coarse: float = 1.0
+    first: Way = Way()
+    rest: Way = Way()
     lone: bool = False
 
     @property
@@ -123,13 +137,19 @@ class Design:
     def moves(self, modes: Sequence[Mode], strength: Strength) -> FloatArray:
         """Amplitudes to add at one strength, shape (TEMPLATES, ROWS, COLUMNS).
 
-        Pilots end as far from their lattice points as data, in luma, so that they show the noise.
+        Pilots end as far from their lattice points as L0, in luma, so that they show the noise.
         """
         mode = modes[strength.mode]
         shape, pilots = self.host.shape, mode.layout.pilots
         textures = np.tile(self.texture.reshape(-1), TEMPLATES)
         width = mode.step * np.where(textures > TEXTURE, float(COARSE), 1.0)
-        kept = width * (1 - np.where(textures > TEXTURE, strength.coarse, strength.fine))
+        first, rest = (
+            np.where(textures > TEXTURE, way.coarse, way.fine)
+            for way in (strength.first, strength.rest)
+        )
+        second = mode.layout.data[mode.profile.l0_coded :]
+        first[second] = rest[second]
+        kept = width * (1 - first)
         offset = mode.step * mode.layout.dither
         offset[pilots] *= mode.pilot_step / mode.step
         rank = np.searchsorted(PILOT_TEXTURES, textures[pilots])

@@ -58,20 +58,21 @@ def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPa
     picture_channels(None, 1280, 720, RATE, 8)
     picture_channels(None, 1280, 720, RATE, 8, most_bps=900_000)
     picture_channels(None, 720, 576, RATE, 8, most_bps=800_000)
+    # Each one plainly, then behind the cleaner.
     assert [coder for coder in made if "h264" in coder] == [
-        "h264:2000k", "h264:900k", "h264:800k"
+        *2 * ["h264:2000k"], *2 * ["h264:900k"], *2 * ["h264:800k"]
     ]  # fmt: skip
     assert picture_channels("none", 320, 180, RATE, 8) == []
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "fps", "coders", "widest"),
+    ("width", "height", "fps", "coders", "widest", "poor"),
     [
-        (640, 360, 25, ["h264:500k"], [1]),
-        (720, 576, 25, ["h264:2000k", "h264:900k"], [2, 1]),
-        (1280, 720, 24, ["h264:2000k"], [2]),
-        (960, 540, 60, ["h264:2000k", "h264:2700k"], [1, 1]),
-        (1920, 1080, 50, ["h264:9000k"], [1]),
+        (640, 360, 25, ["h264:500k"], [1], 1),
+        (720, 576, 25, ["h264:2000k", "h264:900k"], [2, 1], 1),
+        (1280, 720, 24, ["h264:2000k"], [2], 1),
+        (960, 540, 60, ["h264:2000k", "h264:2700k"], [1, 1], 1),
+        (1920, 1080, 50, ["h264:9000k"], [1], 2),
     ],
 )
 def test_rates_without_a_choice(
@@ -81,13 +82,17 @@ def test_rates_without_a_choice(
     fps: int,
     coders: list[str],
     widest: list[int],
+    poor: int,
 ) -> None:
     made: list[str] = []
     monkeypatch.setattr(
         "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_: made.append(coder)
     )
     channels = picture_channels(None, width, height, Fraction(fps), 8)
-    assert [coder for coder in made if "h264" in coder] == coders
+    # For L0 alone, behind the cleaner, and where it is not tried for L1.
+    assert [coder for coder in made if "h264" in coder] == [*coders, *poor * ["h264:2000k"]]
+    small = any("mpeg2" in coder for coder in made)
+    assert sum(not channel.whole for channel in channels) == poor + small
     wholes = [channel for channel in channels if channel.whole]
     assert [channel.widest for channel in wholes] == widest
     # No coder poorer than another costs that one its L1.
@@ -99,7 +104,7 @@ def test_rates_without_a_choice(
 
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(2997, 125), Fraction(12), Fraction(120)])
 def test_larger_pictures_are_tried_in_standard_definition(rate: Fraction) -> None:
-    assert len(picture_channels(None, 640, 360, rate, 8)) == 1
+    assert len(picture_channels(None, 640, 360, rate, 8)) == 2
     *_, small = picture_channels(None, 961, 541, rate, 10)
     assert not small.whole
     assert small.widest == 1
