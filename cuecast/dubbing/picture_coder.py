@@ -278,7 +278,9 @@ def _usual_channels(
         poor.append(PictureStream(frugal, width, height, fps, depth))
     cleaned = PictureStream(frugal, width, height, fps, 8)
     poor.append(_PictureChain([Denoiser(depth), cleaned]))
-    if not firm:
-        poor.append(_small_mpeg2(width, height, fps, depth))
     channels += [TriedChannel(coder, whole=False, widest=1, lone=False) for coder in poor]
+    if not firm:
+        small = _small_mpeg2(width, height, fps, depth)
+        # Through MPEG-2 at 480 lines and more, L1 arrives, too.
+        channels.append(TriedChannel(small, whole=False, widest=1, lone=False, together=True))
     return channels

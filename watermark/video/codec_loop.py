@@ -80,6 +80,9 @@ class TriedChannel:
     lone : bool
         Whether L0 may get all values, which L1 loses everywhere, where it would not arrive with
         its margin at this channel's widest step.
+    together : bool
+        Whether L1 is moved as far as L0 has to be, though it need not arrive: for the worst of
+        several alike, on the better ones of which it does.
 
     Examples
     --------
@@ -98,6 +101,7 @@ class TriedChannel:
     widest: int = len(STEPS) - 1
     firm: bool = False
     lone: bool = True
+    together: bool = False
 
 
 class PictureLoop:
@@ -276,8 +280,9 @@ class PictureLoop:
 
         In this order: ways of L1 at which both classes arrive with their margin; if there are none,
         those that leave nearly the most, if both may still arrive; then those of L0 at which it
-        arrives with its margin; at last the strongest. None is asked for beyond the channel's
-        widest step, but wider ones suffice as well.
+        arrives with its margin; at last the strongest, or any where L0 alone is asked for and would
+        not arrive even so. None is asked for beyond the channel's widest step, but wider ones
+        suffice as well.
         """
         first, rate = self._rates(self._profile)
         allowed, anything = _up_to(channel.widest), np.ones(len(WAYS), dtype=bool)
@@ -294,7 +299,7 @@ class PictureLoop:
             if not channel.whole and most < HOPELESS * first:
                 return least, least
             enough = costs >= costs[_strongest(channel.widest)]
-        return enough, least
+        return enough, enough if channel.whole or channel.together else least
 
 
 def _up_to(widest: int) -> Mask:

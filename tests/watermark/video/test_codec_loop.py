@@ -169,6 +169,14 @@ def test_only_l0_is_stronger_where_only_l0_is_asked_for() -> None:
     assert [s.l0 for s in found] == [source()(k)[0] for k in range(3)]
 
 
+def test_l1_goes_along_where_it_may_arrive_on_better_ways() -> None:
+    easy = TriedChannel(Spoiler(0.0))
+    _, apart = marked_for(easy, TriedChannel(Spoiler(0.6), whole=False))
+    marked, together = marked_for(easy, TriedChannel(Spoiler(0.6), whole=False, together=True))
+    assert together.psnr_db < apart.psnr_db - 0.3
+    assert all(whole(marked, 0.3))
+
+
 def test_a_cleaners_lag_is_taken_back_as_receivers_do(monkeypatch: pytest.MonkeyPatch) -> None:
     def mixed() -> tuple[list[np.ndarray], Any]:
         return marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Mixer(0.9), whole=False))
