@@ -213,8 +213,8 @@ def picture_channels(
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
         `USUAL_RATE` up to `MOST_PIXELS`, and at `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at
         `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, and MPEG-2 at `SMALL_LINES`; the
-        widest step only for the first. Small pictures have only the second one, at no strength
-        below that of ``none``, at which L1 arrives at `USUAL_RATE`, and the cleaner.
+        widest step only for the first. Small pictures are tried on the second one, at no strength
+        below that of ``none``, at which L1 arrives at `USUAL_RATE`, and behind the cleaner alone.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -271,7 +271,7 @@ def _usual_channels(
         # Poorer ways may not cost richer ones their L1.
         richest = rate == max(limited) and not firm
         channels.append(TriedChannel(coder, True, widest, firm, lone=richest))
-    # Behind cheaper ways L0 alone has to arrive.
+    # On these ways, which leave less, L0 alone has to arrive.
     frugal = f"h264:{max(1, round(min(USUAL_RATE, most_bps or USUAL_RATE) / 1000))}k"
     poor: list[PictureCoder] = []
     if in_proportion > MOST_PIXELS * USUAL_RATE:

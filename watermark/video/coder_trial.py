@@ -184,8 +184,8 @@ class CoderTrial:
                     # In steps: the mean over the trial's frames is the value sent, their variance
                     # the noise.
                     place = mean[mine] / step - dither[mine]
-                    spread = variance[mine] / step**2
-                    table[kind, index] = _information(place, spread, bits[mine], share[:, mine])
+                    motion = variance[mine] / step**2
+                    table[kind, index] = _information(place, motion, bits[mine], share[:, mine])
             tables.append(table)
         found = max(tables, key=lambda table: float(np.sum(table * counts)))
         parts = np.array([1 - textured.mean(), textured.mean()])
@@ -202,8 +202,8 @@ class CoderTrial:
         if len(before):
             mean, variance = seen.mean(axis=0), seen.var(axis=0)
             rise = seen[-LAG_FRAMES:].mean(axis=0) - before.mean(axis=0)
+            textures = np.tile(texture, TEMPLATES)
             for lag in LAGS:
-                textures = np.tile(texture, TEMPLATES)
                 yield without_lag(mean, rise, textures, lag), LAG_MOTION * variance
 
 
