@@ -271,7 +271,7 @@ def _usual_channels(
         # Poorer ways may not cost richer ones their L1.
         richest = rate == max(limited) and not firm
         channels.append(TriedChannel(coder, True, widest, firm, lone=richest))
-    # On these ways, which leave less, L0 alone has to arrive.
+    # Through these coders, which leave less, L0 alone has to arrive.
     frugal = f"h264:{max(1, round(min(USUAL_RATE, most_bps or USUAL_RATE) / 1000))}k"
     poor: list[PictureCoder] = []
     if in_proportion > MOST_PIXELS * USUAL_RATE:

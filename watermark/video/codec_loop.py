@@ -65,7 +65,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class TriedChannel:
-    """One way to the viewers.
+    """A channel to the viewers.
 
     Attributes
     ----------

@@ -169,7 +169,7 @@ def test_only_l0_is_stronger_where_only_l0_is_asked_for() -> None:
     assert [s.l0 for s in found] == [source()(k)[0] for k in range(3)]
 
 
-def test_l1_goes_along_where_it_may_arrive_on_better_ways() -> None:
+def test_l1_goes_along_where_it_may_arrive_through_better_coders() -> None:
     easy = TriedChannel(Spoiler(0.0))
     _, apart = marked_for(easy, TriedChannel(Spoiler(0.6), whole=False))
     marked, together = marked_for(easy, TriedChannel(Spoiler(0.6), whole=False, together=True))
@@ -190,7 +190,7 @@ def test_a_cleaners_lag_is_taken_back_as_receivers_do(monkeypatch: pytest.Monkey
     assert report.psnr_db > mixed()[1].psnr_db + 0.3
 
 
-def test_nothing_is_spent_on_a_poor_way_where_nothing_arrives() -> None:
+def test_nothing_is_spent_on_a_channel_where_nothing_arrives() -> None:
     easy = TriedChannel(Spoiler(0.0))
     _, alone = marked_for(easy)
     _, both = marked_for(easy, TriedChannel(Spoiler(60.0), whole=False))
