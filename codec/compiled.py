@@ -129,7 +129,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     Parameters
     ----------
     **options
-        ``cache``, ``inline``, ``fastmath``; ``inner`` for a kernel that only other kernels call:
+        ``cache``, ``inline``, ``fastmath``, ``nogil``; ``inner`` for a kernel that only other kernels call:
         it is compiled in an eighth less time without the way in from Python, where it is run as
         Python.
 

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from watermark.link.superframe import ReceivedSuperframe
     from watermark.quality.movs import Movs
     from watermark.quality.peaq import PeaqResult, grade
-    from watermark.video.codec_loop import TriedChannel
-    from watermark.video.coder_trial import PictureCoder
+    from watermark.video.coder_windows import PictureCoder
     from watermark.video.embed import VideoEmbedder, VideoReport
     from watermark.video.profile import VideoProfile
     from watermark.video.receive import VideoReceiver
+    from watermark.video.strength_choice import TriedChannel
 
 __all__ = [
     "PROFILES",
@@ -72,7 +72,7 @@ _HOMES = {
     "PictureCoder": "watermark.video.coder_trial",
     "ReceivedSuperframe": "watermark.link.superframe",
     "SuperframeMargin": "watermark.audio.embed.report",
-    "TriedChannel": "watermark.video.codec_loop",
+    "TriedChannel": "watermark.video.strength_choice",
     "VideoEmbedder": "watermark.video.embed",
     "VideoProfile": "watermark.video.profile",
     "VideoReceiver": "watermark.video.receive",

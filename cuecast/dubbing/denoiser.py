@@ -64,7 +64,7 @@ class Denoiser:
         return []
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _clean(
     luma: NDArray[np.float32], before: NDArray[np.float32], spatial: Table, temporal: Table
 ) -> None:

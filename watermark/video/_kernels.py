@@ -15,7 +15,7 @@ PixelArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def project_into(
     luma: NDArray[Any],
     across: PixelArray,
@@ -108,7 +108,7 @@ def add_into(
             out[y, x] = int(min(max(value, min(own, least)), max(own, most)))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def texture_into(
     luma: NDArray[Any], column_start: IntArray, row_start: IntArray, out: FloatArray
 ) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codec.errors import CueError
 from watermark.link.inputs import checked_payload
-from watermark.video.codec_loop import PictureLoop, TriedChannel
+from watermark.video.codec_loop import PictureLoop
 from watermark.video.design import Design, Strength, fixed_strength
 from watermark.video.fading import PatternWriter
 from watermark.video.grid import Grid
@@ -32,6 +32,7 @@ from watermark.video.profile import (
     VideoProfile,
     find_profile,
 )
+from watermark.video.strength_choice import TriedChannel
 from watermark.video.timing import Timing
 
 Luma = NDArray[Any]

@@ -53,14 +53,14 @@ def test_unknown_coders_are_refused(through: str) -> None:
 def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
     monkeypatch.setattr(
-        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_: made.append(coder)
+        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_, **__: made.append(coder)
     )
     picture_channels(None, 1280, 720, RATE, 8)
     picture_channels(None, 1280, 720, RATE, 8, most_bps=900_000)
     picture_channels(None, 720, 576, RATE, 8, most_bps=800_000)
-    # Each one plainly, then behind the cleaner.
+    # Each one plainly and behind the cleaner, for a trial and a rehearsal.
     assert [coder for coder in made if "h264" in coder] == [
-        *2 * ["h264:2000k"], *2 * ["h264:900k"], *2 * ["h264:800k"]
+        *4 * ["h264:2000k"], *4 * ["h264:900k"], *4 * ["h264:800k"]
     ]  # fmt: skip
     assert picture_channels("none", 320, 180, RATE, 8) == []
 
@@ -86,13 +86,17 @@ def test_rates_without_a_choice(
 ) -> None:
     made: list[str] = []
     monkeypatch.setattr(
-        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_: made.append(coder)
+        "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_, **__: made.append(coder)
     )
     channels = picture_channels(None, width, height, Fraction(fps), 8)
     # For L0 alone, behind the cleaner, and where it is not tried for L1.
-    assert [coder for coder in made if "h264" in coder] == [*coders, *poor * ["h264:2000k"]]
-    small = any("mpeg2" in coder for coder in made)
-    assert sum(not channel.whole for channel in channels) == poor + small
+    tried, rehearsed = made[::2], made[1::2]
+    assert tried == rehearsed
+    assert [coder for coder in tried if "h264" in coder] == [*coders, *poor * ["h264:2000k"]]
+    small = any("mpeg2" in coder for coder in tried)
+    modern = sum("av1" in coder for coder in tried)
+    assert modern == small == (width > 640)
+    assert sum(not channel.whole for channel in channels) == poor + modern + small
     wholes = [channel for channel in channels if channel.whole]
     assert [channel.widest for channel in wholes] == widest
     # No coder poorer than another costs that one its L1.

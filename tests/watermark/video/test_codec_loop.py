@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
-from watermark.video.codec_loop import TriedChannel
 from watermark.video.embed import VideoEmbedder
 from watermark.video.receive import VideoReceiver
+from watermark.video.strength_choice import FIRST_PART, TriedChannel
 
 FRAMES = 48
 
@@ -151,6 +151,30 @@ def test_delay_of_the_coder_changes_nothing() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(at_once, later, strict=True))
 
 
+def test_a_rehearsal_strengthens_what_its_trial_promised_too_well() -> None:
+    hard = 0.5
+    _, promised = marked_for(TriedChannel(Spoiler(0.0)))
+    marked, report = marked_for(TriedChannel(Spoiler(0.0), again=Spoiler(hard)))
+    assert report.psnr_db < promised.psnr_db - 1
+    assert all(whole(marked, hard))
+
+
+def test_a_rehearsal_never_weakens(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, easy = marked_for(TriedChannel(Spoiler(0.5), again=Spoiler(0.0)))
+    _, absent = marked_for(TriedChannel(Spoiler(0.5), again=Swallower()))
+    _, tried = marked_for(TriedChannel(Spoiler(0.5)))
+    assert absent == tried
+    monkeypatch.setattr("watermark.video.strength_choice.MARGIN", 1.65 * FIRST_PART)
+    monkeypatch.setattr("watermark.video.strength_choice.OPENING_MARGIN", 2.4 * FIRST_PART)
+    assert easy == marked_for(TriedChannel(Spoiler(0.5)))[1]
+
+
+def test_delay_of_a_rehearsals_coder_changes_nothing() -> None:
+    at_once, _ = marked_for(TriedChannel(Spoiler(0.2), again=Spoiler(0.3)))
+    later, _ = marked_for(TriedChannel(Spoiler(0.2, delay=5), again=Spoiler(0.3, delay=11)))
+    assert all(np.array_equal(a, b) for a, b in zip(at_once, later, strict=True))
+
+
 def test_l0_alone_needs_less() -> None:
     _, both = marked_for(TriedChannel(Spoiler(0.5)))
     _, first = marked_for(TriedChannel(Spoiler(0.5), whole=False))
@@ -186,7 +210,7 @@ def test_a_cleaners_lag_is_taken_back_as_receivers_do(monkeypatch: pytest.Monkey
     arrived = [out for frame in marked for out in mixer.process(frame)]
     found = receive(arrived, VideoReceiver(WIDTH, HEIGHT, 25))
     assert [s.l0 for s in found] == [source()(k)[0] for k in range(2)]  # the end is still mixed
-    monkeypatch.setattr("watermark.video.coder_trial.LAGS", ())
+    monkeypatch.setattr("watermark.video.coder_windows.LAGS", ())
     assert report.psnr_db > mixed()[1].psnr_db + 0.3
 
 

@@ -1,0 +1,327 @@
+"""Choose a superframe's strength from what each one leaves behind every channel.
+
+In: bits per value at each strength, as a trial or a rehearsal shows them; out: the least visible
+strength at which both classes arrive. That less than the whole way to a lattice point may suffice:
+Eggers, Bäuml, Tzschoppe and Girod, "Scalar Costa scheme for information embedding", IEEE TSP 51(4),
+2003. Specification: spec/video-carrier.md, V2 and V12.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from watermark.link.link import L0_CHECK, L1_CHECK
+from watermark.video.coder_trial import SHARES, TrialFinding
+from watermark.video.coder_windows import PictureCoder
+from watermark.video.design import Strength, Way, fixed_strength
+from watermark.video.modes import Mode
+from watermark.video.profile import COARSE, DATA, LONE, STEPS, VideoProfile
+
+WAYS = tuple(
+    (rung, Way(fine / 20, coarse / 20))
+    for rung, shares in enumerate(SHARES)
+    for fine in range(round(20 * shares[0]), 21)
+    for coarse in range(round(20 * shares[0]), 21)
+)
+"""Steps and ways among which that of each class is chosen."""
+
+MARGIN = 1.65
+"""Information that is enough, in units of the message's and its checks' bits. Classes decode from
+about 1.2 on; through x264 with other settings 0.8 to 1.25 times the trial's arrived."""
+
+OPENING_MARGIN = 2.4
+"""The same for a programme's first superframe: each coder starts poor in its own way, and 0.55 to
+1.2 times the trial's information arrives."""
+
+CEILING = 0.65
+"""Bits per value that are enough for any rate: none holds more than one."""
+
+L0_MARGIN = 2.5
+"""The same where L0 alone is asked for: where so little is left the trial errs by more. In MPEG-2
+at 360 lines 1.2, 1.5, 1.9 and 2.5 lost 4, 4, 2 and 0 of 9 superframes of a flat cartoon; 1.9 and
+2.5 lost none of six other films."""
+
+HOPELESS = 1.1
+"""Most information, in the same units, of a class that is given up: it rarely decodes."""
+
+NEARLY = 0.95
+"""Part of the most information that is asked where the margin is out of reach."""
+
+FIRST_PART = 0.85
+"""Part of each margin that is asked of a trial where a rehearsal follows, which only strengthens:
+so much the trial is too pessimistic now and then, and a whole one would cost .3 of VMAF."""
+
+CORRECTION = 0.2, 2.0
+"""Least and greatest factor by which a rehearsal corrects what a trial promises."""
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class TriedChannel:
+    """A channel to the viewers.
+
+    Attributes
+    ----------
+    coder : PictureCoder
+    whole : bool
+        Whether both classes have to arrive, or L0 alone.
+    widest : int
+        Number of the widest step that may be taken for its sake: wide ones can be seen.
+    firm : bool
+        Whether no strength below that without a trial is taken: for a coder that stands for
+        unknown ones, which may leave less.
+    lone : bool
+        Whether L0 may get all values, which L1 loses everywhere, where it would not arrive with
+        its margin at this channel's widest step.
+    together : bool
+        Whether L1 is moved as far as L0 has to be, though it need not arrive: for the worst of
+        several alike, on the better ones of which it does.
+    again : PictureCoder, optional
+        Another one like `coder`, on which the mark that was chosen is rehearsed.
+
+    Examples
+    --------
+    >>> class Wire:
+    ...     def process(self, luma):
+    ...         return [luma]
+    ...
+    ...     def flush(self):
+    ...         return []
+    >>> TriedChannel(Wire(), whole=False).widest
+    2
+    """
+
+    coder: PictureCoder
+    whole: bool = True
+    widest: int = len(STEPS) - 1
+    firm: bool = False
+    lone: bool = True
+    together: bool = False
+    again: PictureCoder | None = None
+
+
+@dataclass(slots=True)
+class TrialResult:
+    """What a trial, or a rehearsal after it, says of a superframe.
+
+    Attributes
+    ----------
+    place : int
+        Of the superframe.
+    costs : ndarray of float64, shape (len(WAYS),)
+        Mean square of a value's move with each of `WAYS`, up to a factor.
+    left : list of ndarray of float64, shape (2, len(WAYS))
+        Bits per value of L0 and of L1 with each of them, for each channel.
+    floor : Strength or None
+        What was rehearsed: nothing weaker is chosen.
+    """
+
+    place: int
+    costs: FloatArray
+    left: list[FloatArray]
+    floor: Strength | None = None
+
+    def correct(self, rehearsed: Strength, measured: Sequence[tuple[float, float] | None]) -> None:
+        """Take a rehearsal into account: for each channel what was left, if that is known."""
+        self.floor = rehearsed
+        ways = rehearsed.first, rehearsed.rest
+        for bits, both in zip(self.left, measured, strict=True):
+            for mine, way, left in zip(bits, ways, both or (), strict=False):
+                promised = max(mine[WAYS.index((rehearsed.rung, way))], 1e-3)
+                mine *= np.clip(left / promised, *CORRECTION)
+
+
+class StrengthChoice:
+    """The rules of the choice.
+
+    Parameters
+    ----------
+    profile : VideoProfile
+        Of the mark.
+    modes : sequence of Mode
+        The profile's, one for each step.
+    shape : tuple of int
+        Height and width of the picture.
+    channels : sequence of TriedChannel
+        All have to be survived.
+    """
+
+    def __init__(
+        self,
+        profile: VideoProfile,
+        modes: Sequence[Mode],
+        shape: tuple[int, int],
+        channels: Sequence[TriedChannel],
+    ) -> None:
+        self._profile, self._modes, self._shape = profile, modes, shape
+        self._channels = channels
+
+    def result(self, place: int, findings: Sequence[TrialFinding]) -> TrialResult:
+        """Return what these findings of the channels promise."""
+        left = [np.array([[each.at(*way) for way in WAYS]] * 2) for each in findings]
+        return TrialResult(place, self._costs(findings[-1]), left)
+
+    def least_visible(self, result: TrialResult) -> Strength:
+        """Return the strength that changes the picture least among those that suffice."""
+        fixed = fixed_strength(result.place, self._shape)
+        costs = result.costs
+        strong = costs >= costs[WAYS.index((fixed.rung, fixed.first))]
+        tried = [
+            (bits, channel, self._enough(bits, channel, result, strong))
+            for bits, channel in zip(result.left, self._channels, strict=True)
+        ]
+        chosen = self._cheapest(costs, [enough for *_, enough in tried])
+        others = [each for each in tried if not self._needs_all(*each[:2], chosen)]
+        if len(others) == len(tried):
+            return chosen
+        # No more than the other channels ask for, or than without a trial, unless L0 needs it.
+        least = self._cheapest(costs, [enough for *_, enough in others]) if others else fixed
+        least_cost = self._cost(costs, least)
+        return self._lone([each[:2] for each in tried], costs, costs >= least_cost)
+
+    def _cheapest(self, costs: FloatArray, masks: Sequence[tuple[Mask, Mask]]) -> Strength:
+        """Return the least visible strength that suffices for all of these.
+
+        L0 is never weaker than L1, for it has to arrive where L1 does not.
+        """
+        widest = max(channel.widest for channel in self._channels)
+        first, rest = (np.all(each, axis=0) for each in zip(*masks, strict=True))
+        allowed = _up_to(widest)
+        together = STRONGER & (first & allowed)[:, None] & (rest & allowed)
+        if not together.any():
+            # Channels that exclude one another: the strongest that all of them allow.
+            return Strength(min(channel.widest for channel in self._channels))
+        part = self._profile.l0_coded / DATA
+        total = np.where(together, part * costs[:, None] + (1 - part) * costs, np.inf)
+        one, other = np.unravel_index(int(total.argmin()), total.shape)
+        return Strength(WAYS[one][0], WAYS[one][1], WAYS[other][1])
+
+    def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: Strength) -> bool:
+        """Whether L0 has its margin behind a channel only if it gets all values."""
+        first, both = self._rates(self._profile)
+        left = bits[0, WAYS.index((chosen.rung, chosen.first))]
+        rest = bits[1, WAYS.index((chosen.rung, chosen.rest))]
+        allowed = _up_to(channel.widest)
+        if not channel.lone or bits[0, allowed].max() < HOPELESS * self._rates(LONE)[0]:
+            return False
+        return bool(left < L0_MARGIN * first and not (channel.whole and rest >= HOPELESS * both))
+
+    def _lone(
+        self, tried: Sequence[tuple[FloatArray, TriedChannel]], costs: FloatArray, strong: Mask
+    ) -> Strength:
+        """Return the least visible of these strengths at which L0 in all values arrives everywhere.
+
+        Where it does not, the one that leaves the most, up to each channel's widest step.
+        """
+        widest = max(channel.widest for _, channel in tried)
+        strong &= _up_to(widest)
+        enough = strong
+        for bits, channel in tried:
+            allowed = _up_to(channel.widest)
+            most = bits[0, strong & allowed].max(initial=0.0)
+            enough = enough & (bits[0] >= min(L0_MARGIN * self._rates(LONE)[0], most))
+        if not enough.any():
+            enough = strong
+        rung, way = WAYS[int(np.where(enough, costs, np.inf).argmin())]
+        return Strength(rung, way, way, lone=True)
+
+    def _rates(self, profile: VideoProfile) -> tuple[float, float]:
+        """Bits and their check per coded bit, of L0 and of the class that has more."""
+        first = (8 * profile.l0_bytes + L0_CHECK) / profile.l0_coded
+        if not profile.l1_coded:
+            return first, first
+        return first, max(first, (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded)
+
+    def _costs(self, finding: TrialFinding) -> FloatArray:
+        fine, coarse = finding.parts
+        return np.array(
+            [
+                self._modes[rung].step ** 2
+                * (fine * way.fine**2 + coarse * (COARSE * way.coarse) ** 2)
+                for rung, way in WAYS
+            ]
+        )
+
+    def _cost(self, costs: FloatArray, strength: Strength) -> float:
+        """Return the same for a strength."""
+        first, rest = (
+            costs[WAYS.index((strength.rung, way))] for way in (strength.first, strength.rest)
+        )
+        return float(rest + self._profile.l0_coded / DATA * (first - rest))
+
+    def _enough(
+        self, bits: FloatArray, channel: TriedChannel, result: TrialResult, strong: Mask
+    ) -> tuple[Mask, Mask]:
+        """Which ways suffice for L0 and for L1 in a channel that leaves so many bits at each.
+
+        `strong`: those not weaker than without a trial.
+
+        In this order: ways at which both classes arrive with their margin; if there are none,
+        those that leave nearly the most, if L1 may still arrive; then those of L0 at which it
+        arrives with its margin; at last the strongest, or any where L0 alone is asked for and would
+        not arrive even so. None is asked for beyond the channel's widest step, but wider ones
+        suffice as well; none is weaker than what was rehearsed.
+        """
+        costs, floor = result.costs, result.floor
+        least = strong if channel.firm else np.ones(len(WAYS), dtype=bool)
+        first, rest = self._sufficient(bits, channel, result, least, strong)
+        if floor is None:
+            return first, rest
+        mine, others = (costs[WAYS.index((floor.rung, way))] for way in (floor.first, floor.rest))
+        return first & (costs >= mine), rest & (costs >= others)
+
+    def _sufficient(
+        self,
+        bits: FloatArray,
+        channel: TriedChannel,
+        result: TrialResult,
+        least: Mask,
+        strong: Mask,
+    ) -> tuple[Mask, Mask]:
+        """Return the same for a channel that asks for `least` in any case, without a floor."""
+        first, rate = self._rates(self._profile)
+        part = FIRST_PART if channel.again is not None and result.floor is None else 1.0
+        allowed = _up_to(channel.widest)
+        most = bits[:, allowed].max(axis=1)
+        if channel.whole:
+            margin = OPENING_MARGIN if result.place == 0 else MARGIN
+            wanted = part * min(CEILING, margin * rate)
+            if most[1] >= HOPELESS * rate:
+                masks = [
+                    least & (each >= (wanted if top >= wanted else NEARLY * top))
+                    for each, top in zip(bits, most, strict=True)
+                ]
+                return masks[0], masks[1]
+            least = strong
+        enough = least & (bits[0] >= part * L0_MARGIN * first)
+        if not enough[allowed].any():
+            if not channel.whole and most[0] < HOPELESS * first:
+                return least, least
+            enough = result.costs >= result.costs[_strongest(channel.widest)]
+        return enough, enough if channel.whole or channel.together else least
+
+
+def _up_to(widest: int) -> Mask:
+    """Which of `WAYS` have no wider step."""
+    return np.array([rung <= widest for rung, _ in WAYS])
+
+
+def _strongest(widest: int) -> int:
+    """Index of the strongest of `WAYS` up to a step, the whole way in all cells."""
+    return WAYS.index((widest, Way()))
+
+
+STRONGER = np.array(
+    [
+        [
+            rung == other and way.fine >= weak.fine and way.coarse >= weak.coarse
+            for other, weak in WAYS
+        ]
+        for rung, way in WAYS
+    ]
+)
+"""Which of `WAYS` (rows) L0 may have beside L1 with another (columns): one step, and no less."""
