@@ -129,9 +129,9 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     Parameters
     ----------
     **options
-        ``cache``, ``inline``, ``fastmath``, ``nogil``; ``inner`` for a kernel that only other kernels call:
-        it is compiled in an eighth less time without the way in from Python, where it is run as
-        Python.
+        ``cache``, ``inline``, ``fastmath``, ``nogil``; ``inner`` for a kernel that only other
+        kernels call: it is compiled in an eighth less time without the way in from Python, where it
+        is run as Python.
 
     Returns
     -------

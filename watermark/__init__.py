@@ -69,7 +69,7 @@ _HOMES = {
     "EmbedReport": "watermark.audio.embed.report",
     "Movs": "watermark.quality.movs",
     "PeaqResult": "watermark.quality.peaq",
-    "PictureCoder": "watermark.video.coder_trial",
+    "PictureCoder": "watermark.video.coder_windows",
     "ReceivedSuperframe": "watermark.link.superframe",
     "SuperframeMargin": "watermark.audio.embed.report",
     "TriedChannel": "watermark.video.strength_choice",

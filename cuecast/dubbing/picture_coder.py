@@ -68,8 +68,8 @@ MPEG2_RATES = (24, 25, 30, 50, 60)
 
 MODERN = "av1:1600k"
 """Coder on which L0 is tried without a choice for modern streams of 1 Mbit/s: SVT-AV1 spends less
-than it is asked for, 1.12 Mbit/s of 1.6 and .76 of 1.0 in 70 s of seven films. On .85 of 1.0 a trial
-found nothing left of L0 where 1.5 to 4.8 times what it needs arrived."""
+than it is asked for, 1.12 Mbit/s of 1.6 and .76 of 1.0 in 70 s of seven films. At .85 of 1.0 a
+trial found nothing left of L0 where 1.5 to 4.8 times what it needs arrived."""
 
 CLEANER = "hqdn3d"
 """Name of the cleaner of noise."""
@@ -238,9 +238,10 @@ def picture_channels(
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
         `USUAL_RATE` up to `MOST_PIXELS`, and at `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at
-        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, and MPEG-2 at `SMALL_LINES`; the
-        widest step only for the first. Small pictures are tried on the second one, at no strength
-        below that of ``none``, at which L1 arrives at `USUAL_RATE`, and behind the cleaner alone.
+        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, `MODERN`, and MPEG-2 at
+        `SMALL_LINES`; the widest step only for the first. Small pictures are tried on the second
+        one, at no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`, and behind
+        the cleaner alone.
     width, height, fps, depth
         Of the picture.
     most_bps : int

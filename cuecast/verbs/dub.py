@@ -117,11 +117,11 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
         "--video-through",
         metavar="CODERS",
         help="the broadcaster's coder of pictures, such as h264:2000k, hevc:1500k, av1:1000k or "
-        "mpeg2:4000k: the invisible mark is as weak as it allows; alternatives with commas; "
-        "behind hqdn3d+h264:2000k, a cleaner of noise, or l0+av1:1000k, the cues arrive but not "
-        "their details; or none (default: h264:2000k up to 720 lines, h264 with 0.087 bits "
-        "per pixel, and for the cues hqdn3d+h264:2000k and mpeg2 at 360 lines, larger pictures "
-        "h264:2000k)",
+        "mpeg2:4000k: the invisible mark is as weak as it allows, rehearsed through it; "
+        "alternatives with commas; behind hqdn3d+h264:2000k, a cleaner of noise, or "
+        "l0+av1:1000k, the cues arrive but not their details; or none "
+        "(default: h264:2000k up to 720 lines, h264 with 0.087 bits per pixel, and for the cues "
+        "hqdn3d+h264:2000k, av1:1600k and mpeg2 at 360 lines, larger pictures h264:2000k)",
     )
     group.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     group.add_argument(

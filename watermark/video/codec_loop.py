@@ -3,10 +3,10 @@
 In: the picture and the designs of its superframes; out: for each one its strength, that of L0 and
 that of L1 apart. First a trial: a copy of the picture has a random strength in every value, and the
 decoded copy shows how much information each of them leaves, so that one run of the coder tries them
-all. Then a rehearsal: what was chosen goes through another such coder, for what the strong values
-of a trial leave of the weak ones beside them errs by up to four times either way. The
-coders run on as one stream, for their rate control has a long memory. Source: the copy of the
-receiver inside the emitter of Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006.
+all. Then a rehearsal: the chosen mark goes through another such coder, for strong values change how
+a coder treats the weak ones beside them, and a trial errs by up to twice either way. The coders run
+on as one stream, for their rate control has a long memory. Source: the copy of the receiver inside
+the emitter of Baras, Moreau and Dymarski, IEEE TASLP 14(5), 2006.
 """
 
 import os
@@ -151,7 +151,7 @@ class _CoderRun(Generic[Note]):
                 coder.expect(design.place)
 
     def ready(self) -> list[tuple[Design, Note, Windows]]:
-        """Return the superframes that all coders gave back, with what each of them left."""
+        """Return the superframes that all coders gave back, with their windows."""
         self._send(self._writer.ready())
         return self._done()
 

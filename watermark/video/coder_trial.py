@@ -1,7 +1,7 @@
 """A trial of the mark on a coder: how much information each strength leaves in the picture.
 
-In: what a coder left of a superframe, whose values had random strengths or the one that was chosen;
-out: bits per value.
+In: the decoded window of a superframe, whose values had random strengths or the chosen one; out:
+bits per value.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class TrialFinding:
-    """What a coder left of a superframe.
+    """Information that a coder left of a superframe at each strength.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class TrialFinding:
 def find_left(
     window: CoderWindow, design: Design, choice: IntArray, modes: Sequence[Mode]
 ) -> TrialFinding:
-    """Return what is left of each strength where every value had one of `TRIED`.
+    """Measure the information at each strength where every value had one of `TRIED`.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def find_left(
 
 
 def measure_left(window: CoderWindow, design: Design, mode: Mode) -> tuple[float, float]:
-    """Return what is left of a mark as receivers read it: bits per value of L0 and of L1.
+    """Measure the information in a mark as receivers read it: bits per value of L0 and of L1.
 
     Parameters
     ----------

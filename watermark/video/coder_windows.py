@@ -1,4 +1,4 @@
-"""A coder that a mark is tried on, and what it leaves of each superframe's window.
+"""A coder that a mark is tried on, and each superframe's window in its decoded pictures.
 
 In: marked frames; out: amplitudes of the decoded pictures in the window of each superframe, read in
 all ways that receivers try.
@@ -51,7 +51,7 @@ class PictureCoder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CoderWindow:
-    """What a coder left of a superframe's window.
+    """A superframe's window in a coder's decoded pictures.
 
     Attributes
     ----------
