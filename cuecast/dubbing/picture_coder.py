@@ -4,6 +4,7 @@ In: luma of a programme; out: the luma that came through, later by the coder's d
 embedder tries the mark. Codecs are those of PyAV.
 """
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -21,6 +22,7 @@ from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from receiver.media.picture import luma_of
 from watermark.video.coder_windows import PictureCoder
 from watermark.video.design import has_small_cells
+from watermark.video.profile import MIN_WIDTH
 from watermark.video.strength_choice import TriedChannel
 
 USUAL_RATE = 2_000_000
@@ -183,10 +185,12 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
 
 
 class _SmallPicture:
-    """Shrink a picture of this depth to `SMALL_LINES` lines of 8 bits."""
+    """Shrink a picture of this depth to `SMALL_LINES` lines of 8 bits, or as few as it may have."""
 
     def __init__(self, width: int, height: int, depth: int) -> None:
-        self.size = 2 * round(SMALL_LINES * width / height / 2), SMALL_LINES
+        # A picture that is higher than wide has more lines, for all of its columns of cells.
+        lines = max(SMALL_LINES, 2 * math.ceil(MIN_WIDTH * height / width / 2))
+        self.size = 2 * round(lines * width / height / 2), lines
         self._shift = depth - 8
 
     def process(self, luma: Luma) -> list[Luma]:

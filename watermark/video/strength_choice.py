@@ -183,7 +183,7 @@ class StrengthChoice:
             for bits, channel in zip(result.left, self._channels, strict=True)
         ]
         chosen = self._cheapest(costs, [enough for *_, enough in tried])
-        others = [each for each in tried if not self._needs_all(*each[:2], chosen)]
+        others = [each for each in tried if not self._needs_all(*each[:2], chosen, result)]
         if len(others) == len(tried):
             return chosen
         # No more than the other channels ask for, or than without a trial, unless L0 needs it.
@@ -208,15 +208,21 @@ class StrengthChoice:
         one, other = np.unravel_index(int(total.argmin()), total.shape)
         return Strength(WAYS[one][0], WAYS[one][1], WAYS[other][1])
 
-    def _needs_all(self, bits: FloatArray, channel: TriedChannel, chosen: Strength) -> bool:
-        """Whether L0 has its margin behind a channel only if it gets all values."""
+    def _needs_all(
+        self, bits: FloatArray, channel: TriedChannel, chosen: Strength, result: TrialResult
+    ) -> bool:
+        """Whether L0 has its margin behind a channel only if it gets all values.
+
+        Where it was rehearsed, that is the margin of what was measured.
+        """
         first, both = self._rates(self._profile)
         left = bits[0, WAYS.index((chosen.rung, chosen.first))]
         rest = bits[1, WAYS.index((chosen.rung, chosen.rest))]
         allowed = _up_to(channel.widest)
         if not channel.lone or bits[0, allowed].max() < HOPELESS * self._rates(LONE)[0]:
             return False
-        return bool(left < L0_MARGIN * first and not (channel.whole and rest >= HOPELESS * both))
+        margin = L0_MARGIN * _part(channel, result) if result.floor is None else MARGIN
+        return bool(left < margin * first and not (channel.whole and rest >= HOPELESS * both))
 
     def _lone(
         self, tried: Sequence[tuple[FloatArray, TriedChannel]], costs: FloatArray, strong: Mask
@@ -286,7 +292,7 @@ class StrengthChoice:
     ) -> tuple[Mask, Mask]:
         """Return the same, whatever was rehearsed."""
         first, rate = self._rates(self._profile)
-        part = FIRST_PART if channel.again is not None and result.floor is None else 1.0
+        part = _part(channel, result)
         least = strong if channel.firm else np.ones(len(WAYS), dtype=bool)
         allowed = _up_to(channel.widest)
         most = bits[:, allowed].max(axis=1)
@@ -306,6 +312,11 @@ class StrengthChoice:
                 return least, least
             enough = result.costs >= result.costs[_strongest(channel.widest)]
         return enough, enough if channel.whole or channel.together else least
+
+
+def _part(channel: TriedChannel, result: TrialResult) -> float:
+    """Part of the margins that is asked of a result."""
+    return FIRST_PART if channel.again is not None and result.floor is None else 1.0
 
 
 def _up_to(widest: int) -> Mask:

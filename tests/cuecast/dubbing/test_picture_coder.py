@@ -10,6 +10,7 @@ import pytest
 from codec.errors import CueError
 from cuecast.dubbing.denoiser import Denoiser
 from cuecast.dubbing.picture_coder import PictureStream, picture_channels
+from watermark.video.embed import VideoEmbedder
 
 RATE = Fraction(25)
 
@@ -115,6 +116,14 @@ def test_larger_pictures_are_tried_in_standard_definition(rate: Fraction) -> Non
     sent = frames(8, 961, 541, 10)
     decoded = [out for frame in sent for out in small.coder.process(frame)] + small.coder.flush()
     assert [frame.shape for frame in decoded] == [(360, 640)] * 8
+
+
+def test_a_portrait_is_tried_in_standard_definition_with_all_its_cells() -> None:
+    *_, small = picture_channels(None, 720, 1280, Fraction(25), 8)
+    sent = frames(4, 720, 1280, 8)
+    decoded = [out for frame in sent for out in small.coder.process(frame)] + small.coder.flush()
+    assert [frame.shape for frame in decoded] == [(570, 320)] * 4
+    VideoEmbedder(320, 570, 25, lambda k: (bytes(20), bytes(140)))
 
 
 def test_cleaner_spares_what_stands_out() -> None:

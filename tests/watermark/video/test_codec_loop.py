@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
+from watermark.link.link import L0_CHECK
+from watermark.video.coder_trial import TRIED, TrialFinding
 from watermark.video.embed import VideoEmbedder
+from watermark.video.modes import make_modes
+from watermark.video.profile import PROFILES
 from watermark.video.receive import VideoReceiver
-from watermark.video.strength_choice import FIRST_PART, TriedChannel
+from watermark.video.strength_choice import FIRST_PART, StrengthChoice, TriedChannel
 
 FRAMES = 48
 
@@ -167,6 +171,21 @@ def test_a_rehearsal_never_weakens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("watermark.video.strength_choice.MARGIN", 1.65 * FIRST_PART)
     monkeypatch.setattr("watermark.video.strength_choice.OPENING_MARGIN", 2.4 * FIRST_PART)
     assert easy == marked_for(TriedChannel(Spoiler(0.5)))[1]
+
+
+@pytest.mark.parametrize(("measured", "lone"), [(2.0, False), (1.5, True)])
+def test_l0_shares_where_its_rehearsal_arrived(measured: float, lone: bool) -> None:
+    profile, need = PROFILES["standard"], (8 * 20 + L0_CHECK) / 2560
+    wire = Spoiler(0.0)
+    channels = [TriedChannel(wire, again=wire)]
+    choice = StrengthChoice(profile, make_modes(profile, 0, 1.0), (720, 1280), channels)
+    # L1 would not arrive; L0 has the part of its margin that is asked before a rehearsal.
+    promised = np.full((2, len(TRIED)), 2.3 * need)
+    result = choice.result(3, [TrialFinding(np.array([0.5, 0.5]), promised)])
+    rehearsed = choice.least_visible(result)
+    assert not rehearsed.lone
+    result.correct(rehearsed, [(measured * need, measured * need)])
+    assert choice.least_visible(result).lone == lone
 
 
 def test_delay_of_a_rehearsals_coder_changes_nothing() -> None:
