@@ -61,14 +61,15 @@ SMALL_LINES, SMALL_RATE = 360, 4_000_000
 choice: what many sets in standard definition get of a larger programme."""
 
 SMALL_GOP = 600
-"""Its frames from one that stands alone to the next, as many as MPEG-2 has (FFmpeg): at few lines
-these alone show weak values, and where they fall on air is luck. With 25 a film of fog was to keep
-2.5 to 3 times what L0 needs, and .7 to .9 arrived in 4 superframes of 12; with 250 all arrived."""
+"""Frames of the small picture from one that stands alone to the next, the most that FFmpeg's MPEG-2
+allows: at few lines only these show weak values, and where they fall on air is luck. With 25, a
+trial of a foggy film promised 2.5 to 3 times the information that L0 needs, and .7 to .9 arrived in
+4 superframes of 12; with 600 all 12 were read."""
 
 MPEG2_RATES = (24, 25, 30, 50, 60)
 """Whole frame rates that MPEG-2 has (ISO/IEC 13818-2, table 6-4)."""
 
-MODERN = "av1:1600k"
+USUAL_AV1 = "av1:1600k"
 """Coder on which L0 is tried without a choice for modern streams of 1 Mbit/s: SVT-AV1 spends less
 than it is asked for, 1.12 Mbit/s of 1.6 and .76 of 1.0 in 70 s of seven films. At .85 of 1.0 a
 trial found nothing left of L0 where 1.5 to 4.8 times what it needs arrived."""
@@ -185,10 +186,10 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
 
 
 class _SmallPicture:
-    """Shrink a picture of this depth to `SMALL_LINES` lines of 8 bits, or as few as it may have."""
+    """Shrink a picture to `SMALL_LINES` lines of 8 bits, or more if its cells need them."""
 
     def __init__(self, width: int, height: int, depth: int) -> None:
-        # A picture that is higher than wide has more lines, for all of its columns of cells.
+        # A portrait has more lines, so that it is wide enough for all columns of cells.
         lines = max(SMALL_LINES, 2 * math.ceil(MIN_WIDTH * height / width / 2))
         self.size = 2 * round(lines * width / height / 2), lines
         self._shift = depth - 8
@@ -242,7 +243,7 @@ def picture_channels(
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
         `USUAL_RATE` up to `MOST_PIXELS`, and at `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at
-        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, `MODERN`, and MPEG-2 at
+        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, `USUAL_AV1`, and MPEG-2 at
         `SMALL_LINES`; the widest step only for the first. Small pictures are tried on the second
         one, at no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`, and behind
         the cleaner alone.
@@ -321,7 +322,7 @@ def _usual_channels(
     if in_proportion > MOST_PIXELS * USUAL_RATE:
         poor.append([frugal])
     if not firm:
-        poor.append([MODERN])
+        poor.append([USUAL_AV1])
     channels += [_channel(partial(chain, each), False, widest=1, lone=False) for each in poor]
     if not firm:
         # Through MPEG-2 at 480 lines and more, L1 arrives, too.

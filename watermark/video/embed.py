@@ -151,7 +151,7 @@ class VideoEmbedder:
         return self._profile
 
     def process(self, luma: Luma) -> list[Luma]:
-        """Take the next frame; return those that are ready, about 0.6 s later.
+        """Take the next frame; return those that are ready, 0.6 s later or, with `channels`, more.
 
         Parameters
         ----------

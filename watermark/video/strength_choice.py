@@ -40,8 +40,8 @@ CEILING = 0.65
 
 L0_MARGIN = 2.5
 """The same where L0 alone is asked for: where so little is left the trial errs by more. In MPEG-2
-at 360 lines 1.2, 1.5, 1.9 and 2.5 lost 4, 4, 2 and 0 of 9 superframes of a flat cartoon; 1.9 and
-2.5 lost none of six other films."""
+at 360 lines, with a trial that had a picture that stands alone each second, 1.2, 1.5, 1.9 and 2.5
+lost 4, 4, 2 and 0 of 9 superframes of a flat cartoon; 1.9 and 2.5 lost none of six other films."""
 
 HOPELESS = 1.1
 """Most information, in the same units, of a class that is given up: it rarely decodes."""
@@ -145,7 +145,7 @@ class StrengthChoice:
     profile : VideoProfile
         Of the mark.
     modes : sequence of Mode
-        The profile's, one for each step.
+        The profile's, one for each step; others may follow.
     shape : tuple of int
         Height and width of the picture.
     channels : sequence of TriedChannel

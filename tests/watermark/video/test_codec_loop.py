@@ -194,6 +194,18 @@ def test_delay_of_a_rehearsals_coder_changes_nothing() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(at_once, later, strict=True))
 
 
+def test_the_number_of_cores_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def marked() -> list[np.ndarray]:
+        # The second channel has no rehearsal, and must wait for that of the first.
+        first = TriedChannel(Spoiler(0.2), again=Spoiler(0.3, delay=9))
+        return marked_for(first, TriedChannel(Spoiler(0.1, delay=3)))[0]
+
+    monkeypatch.setattr("watermark.video.codec_loop.os.cpu_count", lambda: 4)
+    many = marked()
+    monkeypatch.setattr("watermark.video.codec_loop.os.cpu_count", lambda: None)
+    assert all(np.array_equal(a, b) for a, b in zip(many, marked(), strict=True))
+
+
 def test_l0_alone_needs_less() -> None:
     _, both = marked_for(TriedChannel(Spoiler(0.5)))
     _, first = marked_for(TriedChannel(Spoiler(0.5), whole=False))
