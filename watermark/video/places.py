@@ -49,6 +49,11 @@ VOTE_ERROR, FINE_ERROR = 0.6, 0.25
 RANKED, ROUGHLY, FINELY, REFINED = 128, 16, 3, 3
 """Crops that are judged on interpolated amplitudes, refined roughly, then finely, and returned."""
 
+LASTING, ROUNDS = 4, 3
+"""Crops at the head of the table, which are refined whatever this look says of them, and in how
+many rounds. Without them a street in rain, in a corner crop, was found from 1 of 12 beginnings of
+a receiver, for a step beside the right place its sharp picture showed nothing; with them 9."""
+
 ROUGH, FINE = 0.06, 0.03
 """Steps of the refinement in cells."""
 
@@ -197,18 +202,16 @@ class PlaceTable:
         """Judge the best crops anew and move their sides."""
         rows = np.argsort(-self._best)[:RANKED]
         places = np.hstack([self._x[rows], self._y[self._choice[rows]]])
+        # The table remembers earlier looks. A step beside the place, this one may show nothing.
+        lasting = places[:LASTING].copy()
+        lasting_scores = self._climb(lasting, ROUGH * SIDES, ROUNDS)
         scores = self._climb(places, ROUGH * SIDES[:8], 0)
-        apart: list[int] = []
-        for n in np.argsort(-scores).tolist():
-            if len(apart) == ROUGHLY:
-                break
-            if not apart or np.abs(places[apart] - places[n]).max(axis=1).min() > 1.1 * STEP:
-                apart.append(n)
-        places = places[apart]
+        places = places[_apart(places, scores, ROUGHLY)]
         scores = self._climb(places, ROUGH * SIDES[:8], 1)
+        places, scores = np.vstack([lasting, places]), np.append(lasting_scores, scores)
         if scores.max() < HOPEFUL:
             return []
-        places = places[np.argsort(-scores)[:FINELY]]
+        places = places[_apart(places, scores, FINELY)]
         scores = self._climb(places, FINE * SIDES[:8], 3)
         return [(_inside(box, places[n]), float(scores[n])) for n in np.argsort(-scores)[:REFINED]]
 
@@ -220,6 +223,17 @@ class PlaceTable:
             self._step, self._signs, self._limits, FINE_ERROR, moves, rounds, crops, scores,
         )  # fmt: skip
         return scores
+
+
+def _apart(places: FloatArray, scores: FloatArray, count: int) -> list[int]:
+    """Return indices of the best places, of which none is next to another."""
+    apart: list[int] = []
+    for n in np.argsort(-scores).tolist():
+        if len(apart) == count:
+            break
+        if not apart or np.abs(places[apart] - places[n]).max(axis=1).min() > 1.1 * STEP:
+            apart.append(n)
+    return apart
 
 
 def _crops(start: float, length: float, cells: int) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, source
 from watermark.video import _place_kernels, search
@@ -46,6 +47,20 @@ def test_crop_of_each_side(sides: tuple[int, int, int, int]) -> None:
     assert place.top * height == pytest.approx(-top, abs=1)
     assert place.width * width == pytest.approx(WIDTH, abs=2)
     assert place.height * height == pytest.approx(HEIGHT, abs=2)
+
+
+@pytest.mark.parametrize(("deviation", "blur"), [(15, 1.5), (25, 1.0), (35, 2.5)])
+def test_crop_of_a_sharp_picture(deviation: float, blur: float) -> None:
+    """A step beside the right place, a look at it shows nothing."""
+    detail = gaussian_filter(np.random.default_rng(3).normal(size=(HEIGHT, WIDTH)), blur)
+    still = 110 + deviation / detail.std() * detail
+    frames = [
+        np.clip(still + 0.2 * (picture(n) - 110.0), 20, 230).astype(np.uint8) for n in range(48)
+    ]
+    marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 25, source()))[16:48]
+    place = found_places([np.ascontiguousarray(frame[18:, 32:]) for frame in marked])[0]
+    assert place.left * (WIDTH - 32) == pytest.approx(-32, abs=1)
+    assert place.top * (HEIGHT - 18) == pytest.approx(-18, abs=1)
 
 
 def test_without_crops_the_usual_place_is_found() -> None:
