@@ -54,6 +54,8 @@ class Grid:
         Where the marked picture lies.
     reduced : int
         Each pixel is the mean of a square of so many by so many pixels of the picture.
+    frames : int
+        Each pixel is the sum of those of so many frames.
 
     Attributes
     ----------
@@ -73,7 +75,14 @@ class Grid:
     """
 
     def __init__(
-        self, width: int, height: int, depth: int = 8, *, region: Region = WHOLE, reduced: int = 1
+        self,
+        width: int,
+        height: int,
+        depth: int = 8,
+        *,
+        region: Region = WHOLE,
+        reduced: int = 1,
+        frames: int = 1,
     ) -> None:
         if width < MIN_WIDTH or height < MIN_HEIGHT:
             raise CueError(f"picture {width}x{height}: the cells need {MIN_WIDTH}x{MIN_HEIGHT}")
@@ -81,7 +90,7 @@ class Grid:
             raise CueError(f"luma of {depth} bits: must be 8..16")
         self.shape = (height, width)
         self.largest = float(2**depth - 1)
-        self._unit = 2.0 ** (depth - 8)
+        self._unit = 2.0 ** (depth - 8) * frames
         self._columns, across, across_norm = axis_factors(width, COLUMNS, region.left, region.width)
         self._rows, down, down_norm = axis_factors(height, ROWS, region.top, region.height)
         self._quarter_columns = _borders(width, 4 * COLUMNS, region.left, region.width)

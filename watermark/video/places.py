@@ -46,7 +46,7 @@ MEMORY = 0.6
 VOTE_ERROR, FINE_ERROR = 0.6, 0.25
 """Errors of place in pixels that the weights of votes, and of refined crops, allow for."""
 
-RANKED, ROUGHLY, FINELY, REFINED = 128, 16, 3, 3
+RANKED, ROUGHLY, FINELY, REFINED = 64, 8, 3, 3
 """Crops that are judged on interpolated amplitudes, refined roughly, then finely, and returned."""
 
 LASTING, ROUNDS = 4, 3

@@ -56,6 +56,17 @@ def test_frame_rates(fps: Any) -> None:
     assert [s.position_s for s in found[1:]] == pytest.approx([0.64, 1.28], abs=0.01)
 
 
+@pytest.mark.parametrize("bare", [0, 1], ids=["first", "second"])
+def test_a_mark_in_every_second_frame_is_read(bare: int) -> None:
+    """Of many frames per second a coder may give every second one no bits."""
+    frames = [picture(n, fps=50) for n in range(96)]
+    give = source("robust")
+    marked = mark(frames, VideoEmbedder(WIDTH, HEIGHT, 50, give, profile="robust"))
+    shown = [frames[n] if n % 2 == bare else frame for n, frame in enumerate(marked)]
+    found = receive(shown, VideoReceiver(WIDTH, HEIGHT, 50))
+    assert [s.l0 for s in found] == [give(k)[0] for k in range(3)]
+
+
 @pytest.mark.parametrize(
     ("width", "height", "depth"),
     [
