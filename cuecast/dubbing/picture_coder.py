@@ -35,10 +35,15 @@ RATE_ALIKE = 0.8
 """Part of the one rate from which on the other is not tried beside it: a trial errs by as much."""
 
 MOST_PIXELS = 1.5
-"""Pixels per second, in those of 720 lines at 25 frames, up to which L1 is tried at `USUAL_RATE`.
-Beyond, it leaves so little that the mark is seen: a street with trees at 994 lines had VMAF 92.0 in
-place of 95.7, and still lost L1 of 4 superframes of 12 there. L0 alone in its own values cost it .4
-and saved 3 of 12; up to the widest step a jungle lost .9 more, and saved one of 22."""
+"""Pixels per second, in those of 720 lines at 25 frames, up to which L1 has to arrive at
+`USUAL_RATE` whatever that costs. Beyond, a street with trees at 994 lines had VMAF 92.0 in place of
+95.7, and still lost L1 of 4 superframes of 12."""
+
+MOST_PRICE = 2.0
+"""Price of L1 at `USUAL_RATE` beyond `MOST_PIXELS`, see `TriedChannel`: three decibels. Through
+x264 veryfast a gymnast at 720 lines and 60 frames per second lost L1 of 9 superframes of 9 where it
+was not asked for, 5 at a price of 1.6, which cost .2 of VMAF, 2 at any price, which cost .9; a desk
+at 1080 lines lost 7 of 11, 3 for .2, and none for 1.1."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -242,11 +247,11 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
-        `USUAL_RATE` up to `MOST_PIXELS`, and at `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at
-        `USUAL_RATE` beyond `MOST_PIXELS`, that behind a cleaner, `USUAL_AV1`, and MPEG-2 at
-        `SMALL_LINES`; the widest step only for the first. Small pictures are tried on the second
-        one, at no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`, and behind
-        the cleaner alone.
+        `USUAL_RATE`, beyond `MOST_PIXELS` for L1 at `MOST_PRICE` at most, and at
+        `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at `USUAL_RATE` behind a cleaner, `USUAL_AV1`,
+        and MPEG-2 at `SMALL_LINES`; the widest step only for the first. Small pictures are tried on
+        the second one, at no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`,
+        and behind the cleaner alone.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -316,11 +321,13 @@ def _usual_channels(
         richest = rate == max(limited) and not firm
         make = partial(chain, [f"h264:{rate}k"])
         channels.append(_channel(make, True, widest=widest, firm=firm, lone=richest))
+    rate = max(1, round(min(USUAL_RATE, most_bps or USUAL_RATE) / 1000))
+    frugal = f"h264:{rate}k"
+    if in_proportion > MOST_PIXELS * USUAL_RATE and rate not in limited:
+        make = partial(chain, [frugal])
+        channels.append(_channel(make, True, lone=False, price=MOST_PRICE))
     # Through these coders, which leave less, L0 alone has to arrive.
-    frugal = f"h264:{max(1, round(min(USUAL_RATE, most_bps or USUAL_RATE) / 1000))}k"
     poor = [[CLEANER, frugal]]
-    if in_proportion > MOST_PIXELS * USUAL_RATE:
-        poor.append([frugal])
     if not firm:
         poor.append([USUAL_AV1])
     channels += [_channel(partial(chain, each), False, widest=1, lone=False) for each in poor]

@@ -307,7 +307,7 @@ class _FrameSum:
 
     def __init__(self, frames: int, shape: tuple[int, int], dtype: type) -> None:
         self._frames, self._count = frames, 0
-        self._sum = np.zeros(shape, dtype=dtype) if frames > 1 else None
+        self._sum: Luma | None = np.zeros(shape, dtype=dtype) if frames > 1 else None
 
     def add(self, frame: Luma) -> Luma | None:
         """Take a frame; return the sum, valid until the next one; None if more are to come."""

@@ -6,8 +6,9 @@ Eggers, Bäuml, Tzschoppe and Girod, "Scalar Costa scheme for information embedd
 2003. Specification: spec/video-carrier.md, V2 and V12.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,10 @@ strengthens: after whole margins it cost .1, .3 and .5 of VMAF on three films.""
 CORRECTION = 0.2, 2.0
 """Least and greatest factor by which a rehearsal corrects the information that a trial promises."""
 
+SPARED = 1
+"""Number of the widest step for L0 alone where L1 is too dear. Up to the widest one a jungle at
+1080 lines lost .9 of VMAF, and one of 22 superframes was saved."""
+
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -80,6 +85,9 @@ class TriedChannel:
     together : bool
         Whether L1 is moved as far as L0 has to be, though it need not arrive: for the worst of
         several alike, on the better ones of which it does.
+    price : float
+        Greatest mean square of the values' moves that L1 may cost for this channel's sake, in that
+        without it: L1 is given up where it costs more. For a channel worse than most viewers have.
     again : PictureCoder, optional
         Another one like `coder`, on which the mark that was chosen is rehearsed.
 
@@ -101,6 +109,7 @@ class TriedChannel:
     firm: bool = False
     lone: bool = True
     together: bool = False
+    price: float = math.inf
     again: PictureCoder | None = None
 
 
@@ -161,6 +170,13 @@ class StrengthChoice:
     ) -> None:
         self._profile, self._modes, self._shape = profile, modes, shape
         self._channels = channels
+        self._price = min((channel.price for channel in channels), default=math.inf)
+        self._cheaper = [
+            channel
+            if math.isinf(channel.price)
+            else replace(channel, whole=False, widest=min(channel.widest, SPARED))
+            for channel in channels
+        ]
 
     def result(self, place: int, findings: Sequence[TrialFinding]) -> TrialResult:
         """Gather the findings of a trial on all channels."""
@@ -178,11 +194,14 @@ class StrengthChoice:
         fixed = fixed_strength(result.place, self._shape)
         costs = result.costs
         strong = costs >= costs[WAYS.index((fixed.rung, fixed.first))]
-        tried = [
-            (bits, channel, self._enough(bits, channel, result, strong))
-            for bits, channel in zip(result.left, self._channels, strict=True)
-        ]
+        tried = self._tried(self._channels, result, strong)
         chosen = self._cheapest(costs, [enough for *_, enough in tried])
+        if math.isfinite(self._price):
+            spared = self._tried(self._cheaper, result, strong)
+            without = self._cheapest(costs, [enough for *_, enough in spared])
+            dear = self._cost(costs, chosen) > self._price * self._cost(costs, without)
+            if dear or not self._bought(result, chosen):
+                tried, chosen = spared, without
         others = [each for each in tried if not self._needs_all(*each[:2], chosen, result)]
         if len(others) == len(tried):
             return chosen
@@ -190,6 +209,25 @@ class StrengthChoice:
         least = self._cheapest(costs, [enough for *_, enough in others]) if others else fixed
         least_cost = self._cost(costs, least)
         return self._lone([each[:2] for each in tried], costs, costs >= least_cost)
+
+    def _tried(
+        self, channels: Sequence[TriedChannel], result: TrialResult, strong: Mask
+    ) -> list[tuple[FloatArray, TriedChannel, tuple[Mask, Mask]]]:
+        """Return each channel's information and the ways that suffice for it."""
+        return [
+            (bits, channel, self._enough(bits, channel, result, strong))
+            for bits, channel in zip(result.left, channels, strict=True)
+        ]
+
+    def _bought(self, result: TrialResult, chosen: Strength) -> bool:
+        """Return whether L1 may arrive behind the channels that have a price."""
+        rest = WAYS.index((chosen.rung, chosen.rest))
+        least = HOPELESS * self._rates(self._profile)[1]
+        return all(
+            bits[1, rest] >= least
+            for bits, channel in zip(result.left, self._channels, strict=True)
+            if math.isfinite(channel.price)
+        )
 
     def _cheapest(self, costs: FloatArray, masks: Sequence[tuple[Mask, Mask]]) -> Strength:
         """Return the least visible strength that suffices for all of these.

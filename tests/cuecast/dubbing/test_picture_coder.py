@@ -1,5 +1,6 @@
 """Coders of pictures on which a mark is tried, and the cleaner of noise among them."""
 
+import math
 import subprocess
 from fractions import Fraction
 from typing import Any
@@ -67,13 +68,13 @@ def test_rate_without_a_choice_is_at_most_the_files(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "fps", "coders", "widest", "poor"),
+    ("width", "height", "fps", "coders", "widest"),
     [
-        (640, 360, 25, ["h264:500k"], [1], 1),
-        (720, 576, 25, ["h264:2000k", "h264:900k"], [2, 1], 1),
-        (1280, 720, 24, ["h264:2000k"], [2], 1),
-        (960, 540, 60, ["h264:2000k", "h264:2700k"], [1, 1], 1),
-        (1920, 1080, 50, ["h264:9000k"], [1], 2),
+        (640, 360, 25, ["h264:500k"], [1]),
+        (720, 576, 25, ["h264:2000k", "h264:900k"], [2, 1]),
+        (1280, 720, 24, ["h264:2000k"], [2]),
+        (960, 540, 60, ["h264:2000k", "h264:2700k"], [1, 1]),
+        (1920, 1080, 50, ["h264:9000k", "h264:2000k"], [1, 2]),
     ],
 )
 def test_rates_without_a_choice(
@@ -83,23 +84,25 @@ def test_rates_without_a_choice(
     fps: int,
     coders: list[str],
     widest: list[int],
-    poor: int,
 ) -> None:
     made: list[str] = []
     monkeypatch.setattr(
         "cuecast.dubbing.picture_coder.PictureStream", lambda coder, *_, **__: made.append(coder)
     )
     channels = picture_channels(None, width, height, Fraction(fps), 8)
-    # For L0 alone, behind the cleaner, and where it is not tried for L1.
+    # For L0 alone, behind the cleaner.
     tried, rehearsed = made[::2], made[1::2]
     assert tried == rehearsed
-    assert [coder for coder in tried if "h264" in coder] == [*coders, *poor * ["h264:2000k"]]
+    assert [coder for coder in tried if "h264" in coder] == [*coders, "h264:2000k"]
     small = any("mpeg2" in coder for coder in tried)
     modern = sum("av1" in coder for coder in tried)
     assert modern == small == (width > 640)
-    assert sum(not channel.whole for channel in channels) == poor + modern + small
+    assert sum(not channel.whole for channel in channels) == 1 + modern + small
     wholes = [channel for channel in channels if channel.whole]
     assert [channel.widest for channel in wholes] == widest
+    # At the rate of smaller pictures L1 of large ones may not cost any price.
+    prices = [math.isfinite(channel.price) for channel in wholes]
+    assert prices == ([False, True] if height == 1080 else [False] * len(wholes))
     # No coder poorer than another costs that one its L1.
     rates = [int(coder[5:-1]) for coder in coders[: len(wholes)]]
     richest = [width > 640 and rate == max(rates) for rate in rates]

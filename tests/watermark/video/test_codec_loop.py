@@ -143,6 +143,27 @@ def test_wider_steps_for_the_sake_of_another_channel() -> None:
     assert both.psnr_db < alone.psnr_db
 
 
+def marked_at_a_price(deviation: float, **options: Any) -> tuple[list[np.ndarray], Any]:
+    return marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Spoiler(deviation), **options))
+
+
+def test_l1_behind_a_poor_coder_is_given_up_where_it_costs_more_than_its_price() -> None:
+    _, spared = marked_at_a_price(0.5, whole=False, widest=1)
+    _, wanted = marked_at_a_price(0.5)
+    _, dear = marked_at_a_price(0.5, price=1.1)
+    frames, cheap = marked_at_a_price(0.5, price=10.0)
+    assert wanted.psnr_db < spared.psnr_db - 1.0
+    assert dear == spared
+    assert cheap == wanted
+    assert all(whole(frames, 0.5))
+
+
+def test_price_of_l1_that_would_not_arrive_is_not_paid() -> None:
+    _, spared = marked_at_a_price(1.6, whole=False, widest=1)
+    _, cheap = marked_at_a_price(1.6, price=10.0)
+    assert cheap == spared
+
+
 def test_worst_of_several_channels_counts() -> None:
     _, one = marked_for(TriedChannel(Spoiler(0.3)))
     _, both = marked_for(TriedChannel(Spoiler(0.0)), TriedChannel(Spoiler(0.3)))
