@@ -149,29 +149,35 @@ def texture_into(
 
 
 @njit(cache=True)
-def reduce_into(luma: NDArray[Any], factor: int, scale: float, out: NDArray[np.uint16]) -> None:
+def reduce_into(
+    luma: NDArray[Any], factor: int, scale: float, line: NDArray[Any], out: NDArray[np.uint16]
+) -> None:
     """Scaled mean of each square of factor x factor pixels.
 
-    out : (height // factor, width // factor); a mean becomes `scale` times itself, rounded.
+    line : (factor * (width // factor),), of a type that holds a sum of `factor` samples; out :
+    (height // factor, width // factor); a mean becomes `scale` times itself, rounded.
     """
     weight, half = np.float32(scale / (factor * factor)), np.float32(0.5)
-    sums = np.empty(factor * out.shape[1], dtype=np.int32)
     for y in range(out.shape[0]):
-        sums[:] = 0
-        for i in range(factor):
-            line = luma[factor * y + i]
-            for x in range(sums.shape[0]):
-                sums[x] += np.int32(line[x])
+        first = luma[factor * y]
+        for x in range(line.shape[0]):
+            line[x] = first[x]
+        for i in range(1, factor):
+            more = luma[factor * y + i]
+            for x in range(line.shape[0]):
+                line[x] += more[x]
         small = out[y]
         if factor == 3:  # 1080 lines: known factors are faster
             for x in range(small.shape[0]):
-                total = sums[3 * x] + sums[3 * x + 1] + sums[3 * x + 2]
+                total = (
+                    np.int32(line[3 * x]) + np.int32(line[3 * x + 1]) + np.int32(line[3 * x + 2])
+                )
                 small[x] = int(np.float32(total) * weight + half)
         else:
             for x in range(small.shape[0]):
                 total = np.int32(0)
                 for j in range(factor):
-                    total += sums[factor * x + j]
+                    total += np.int32(line[factor * x + j])
                 small[x] = int(np.float32(total) * weight + half)
 
 

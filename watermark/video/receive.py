@@ -125,6 +125,7 @@ class VideoReceiver:
         # What a whole number of squares does not cover is cut off at the right and the bottom.
         rows, columns = self._shape
         self._kept = columns * self._factor / width, rows * self._factor / height
+        self._line = np.empty(columns * self._factor, dtype=np.uint16 if depth == 8 else np.int32)
         self._sum = _FrameSum(self._every, (height, width), np.uint16 if depth <= 14 else np.uint32)
         self._small_sum = _FrameSum(self._every, self._shape, np.uint16)
         self._options: dict[str, Any] = {"key": key, "strength": strength}
@@ -223,7 +224,7 @@ class VideoReceiver:
         """Search the places in the small picture and try those that look marked."""
         reduced = np.empty(self._shape, dtype=np.uint16)
         scale = SCALE / 2 ** (self._size[2] - 8) / self._every
-        _kernels.reduce_into(luma, self._factor, scale, reduced)
+        _kernels.reduce_into(luma, self._factor, scale, self._line, reduced)
         whole = self._sum.add(luma) if self._trials else None
         small = self._small_sum.add(reduced)
         if small is None:

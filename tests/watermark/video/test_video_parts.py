@@ -226,7 +226,7 @@ def test_kernels_agree_with_their_python() -> None:
         "texture_into": (
             luma, np.arange(9), np.minimum(np.arange(9), 8), np.empty((2, 2)),
         ),
-        "reduce_into": (luma, 3, 256.0, np.empty((3, 3), dtype=np.uint16)),
+        "reduce_into": (luma, 3, 256.0, np.empty(9, np.uint16), np.empty((3, 3), dtype=np.uint16)),
         "add_into": (
             luma, *rng.normal(size=(2, 9, 11)).astype(np.float32), 0.3, 16.0, 235.0,
             np.empty_like(luma),
