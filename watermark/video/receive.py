@@ -230,7 +230,8 @@ class VideoReceiver:
         if small is None:
             return []
         self._looked += 1
-        self._newest.append(small.copy())
+        small = small.copy()  # it is kept, here and by the search
+        self._newest.append(small)
         if whole is not None:
             for trial in self._trials.values():
                 trial.found += trial.tracker.process(whole)

@@ -53,7 +53,7 @@ SHIFT = 1 / 16
 PROMISING = 4.6
 """Least score of a crop, on the picture as resampled, to be judged on all windows. In eight films
 without a mark 2 to 54 of 100 looks reach it, with 4.9 0 to 27; but with 4.9 a town from the air
-was found after 1.9 s in the median of nine beginnings, with 4.6 after 1.3."""
+was found after 1.9 s in the median of nine beginnings, with 4.6 after 1.4."""
 
 HOPE, TRIED = 5.4, 2
 """Least score of a place before its last refinement, and the number of those refined."""

@@ -86,8 +86,8 @@ class TriedChannel:
         Whether L1 is moved as far as L0 has to be, though it need not arrive: for the worst of
         several alike, on the better ones of which it does.
     price : float
-        Greatest mean square of the values' moves that L1 may cost for this channel's sake, in that
-        without it: L1 is given up where it costs more. For a channel worse than most viewers have.
+        By how much L1 may raise the mean square of the values' moves for this channel's sake, as a
+        factor: where it needs more, L0 alone has to arrive. For a worse channel than most have.
     again : PictureCoder, optional
         Another one like `coder`, on which the mark that was chosen is rehearsed.
 

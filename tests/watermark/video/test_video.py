@@ -67,6 +67,15 @@ def test_a_mark_in_every_second_frame_is_read(bare: int) -> None:
     assert [s.l0 for s in found] == [give(k)[0] for k in range(3)]
 
 
+def test_mark_at_fifty_frames_is_found_after_seconds_without_one() -> None:
+    frames = [picture(n, fps=50) for n in range(196)]
+    give = source("robust")
+    marked = mark(frames[100:], VideoEmbedder(WIDTH, HEIGHT, 50, give, profile="robust"))
+    found = receive(frames[:100] + marked, VideoReceiver(WIDTH, HEIGHT, 50))
+    assert [s.l0 for s in found] == [give(k)[0] for k in range(3)]
+    assert found[0].position_s == pytest.approx(2, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("width", "height", "depth"),
     [
