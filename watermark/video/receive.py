@@ -276,7 +276,8 @@ class VideoReceiver:
         if found:
             self.profile = tracker.profile
         shift_s = start / float(self._timing.fps)
-        return [replace(s, position_s=s.position_s + shift_s) for s in found]
+        timing = Timing(self._fps)
+        return [replace(s, position_s=timing.on_a_frame_s(s.position_s + shift_s)) for s in found]
 
     def _choose(self) -> list[ReceivedSuperframe]:
         """Lock to the place whose pilots agree best, a moment after the first one was found."""

@@ -210,6 +210,20 @@ def test_timing() -> None:
     assert timing.position_s(18) == pytest.approx(0.64)
 
 
+@pytest.mark.parametrize(
+    ("fps", "position_s", "rounded_s"),
+    [
+        (25, 1.261, 1.28), (25, 1.299, 1.28), (25, -0.019, 0.0), (50, 1.289, 1.28),
+        (50, 1.291, 1.3), (24, 1.261, 1.261), (30, 1.299, 1.299), (60, 1.291, 1.291),
+        (Fraction(24000, 1001), 1.29, 1.29),
+    ],
+)  # fmt: skip
+def test_superframes_start_with_a_frame_where_they_have_a_whole_number_of_them(
+    fps: Fraction | int, position_s: float, rounded_s: float
+) -> None:
+    assert Timing(Fraction(fps)).on_a_frame_s(position_s) == pytest.approx(rounded_s)
+
+
 def test_kernels_agree_with_their_python() -> None:
     rng = np.random.default_rng(0)
     luma = rng.integers(0, 255, (9, 11)).astype(np.uint8)
