@@ -180,7 +180,7 @@ def test_crops_are_sought_less_often_after_a_while(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(PlaceTable, "look", look)
     monkeypatch.setattr(search, "EAGER", 2)
     found_places([picture(0)] * 98)
-    assert len(looks) == 15  # of 22 without a rest
+    assert len(looks) == 19  # of 27 without a rest
 
 
 def test_kernels_agree_with_their_python() -> None:
