@@ -30,7 +30,7 @@ def test_round_trip(name: str) -> None:
     receiver = VideoReceiver(WIDTH, HEIGHT, 25)
     found = receive(marked, receiver)
     assert [(s.l0, s.l1) for s in found] == [source(name)(k) for k in range(5)]
-    assert [s.position_s for s in found] == pytest.approx([0.64 * k for k in range(5)], abs=0.01)
+    assert [s.position_s for s in found] == pytest.approx([0.64 * k for k in range(5)], abs=1e-9)
     assert receiver.profile == PROFILES[name]
     assert receiver.locked
     # Rounding to whole luma levels costs the finer step more in cells of eight pixels.
