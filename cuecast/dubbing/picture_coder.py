@@ -40,10 +40,10 @@ MOST_PIXELS = 1.5
 95.7, and still lost L1 of 4 superframes of 12."""
 
 MOST_PRICE = 2.0
-"""Price of L1 at `USUAL_RATE` beyond `MOST_PIXELS`, see `TriedChannel`: three decibels. Through
-x264 veryfast a gymnast at 720 lines and 60 frames per second lost L1 of 9 superframes of 9 where it
-was not asked for, 5 at a price of 1.6, which cost .2 of VMAF, 2 at any price, which cost .9; a desk
-at 1080 lines lost 7 of 11, 3 for .2, and none for 1.1."""
+"""Price of L1 at `USUAL_RATE` beyond `MOST_PIXELS`, see `TriedChannel`: three decibels where all
+moves cost alike. Through x264 veryfast a gymnast at 720 lines and 60 frames per second lost L1
+of 9 superframes of 9 where it was not asked for, 5 at a price of 1.6, which cost .2 of VMAF, 2
+at any price, which cost .9; a desk at 1080 lines lost 7 of 11, 3 for .2, and none for 1.1."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -331,8 +331,7 @@ def _usual_channels(
     if not firm:
         poor.append([USUAL_AV1])
     channels += [_channel(partial(chain, each), False, widest=1, lone=False) for each in poor]
-    if not firm:
-        # Through MPEG-2 at 480 lines and more, L1 arrives, too.
-        make = partial(_small_mpeg2, width, height, fps, depth)
-        channels.append(_channel(make, False, widest=1, lone=False, together=True))
+    # Through MPEG-2 at 480 lines and more, L1 arrives, too.
+    make = partial(_small_mpeg2, width, height, fps, depth)
+    channels.append(_channel(make, False, widest=1, lone=False, together=True))
     return channels

@@ -101,7 +101,7 @@ class PictureLoop:
             there = [window for window in windows if window is not None]
             if len(there) == len(windows):
                 findings = [find_left(each, design, choice, self._modes) for each in there]
-                result = self._choice.result(design.place, findings)
+                result = self._choice.result(design, findings)
                 strength = self._choice.least_visible(result)
             moves = design.moves(self._modes, strength)
             self._rehearsal.add(design, moves, (strength, result))

@@ -19,8 +19,9 @@ from watermark.video.lattices import lattice_shares, likelihood
 from watermark.video.modes import Mode
 from watermark.video.profile import TEMPLATES, TEXTURE
 
-SHARES = ((0.5, 0.6, 0.7, 0.85, 1.0), (0.6, 0.8, 1.0), (0.6, 0.8, 1.0))
-"""Parts of the way to the lattice point that are tried with each step."""
+SHARES = ((0.3, 0.5, 0.6, 0.7, 0.85, 1.0), (0.3, 0.6, 0.8, 1.0), (0.3, 0.6, 0.8, 1.0))
+"""Parts of the way to the lattice point that are tried with each step, the first one for textured
+cells alone."""
 
 TRIED = tuple((rung, share) for rung, shares in enumerate(SHARES) for share in shares)
 """Steps and parts of the way that the values of a trial have."""

@@ -30,6 +30,15 @@ SMALL_CELL = 80.0
 block of a coder, MPEG-2 at 4 Mbit/s takes a quarter of the fine bits otherwise."""
 
 
+EYE_NOISE = 2.0
+"""Variance in luma of 8 bits of the noise that vision adds to a picture (Sheikh and Bovik, "Image
+information and visual quality", IEEE TIP 15(2), 2006)."""
+
+LEAST_PRICE = 0.25
+"""Least price of a move, in that of one where a picture is full of detail: noise in a plain wall is
+seen, whatever information is lost. In four films moves in cells of energy .5 and less cost .12 to
+.6 of the VMAF that the same moves in textured cells do."""
+
 SMOOTH = 0.5
 """Texture in luma of 8 bits up to which the pattern has to show no lattice of cells: more hides it
 even in a frame at eight times its contrast."""
@@ -37,7 +46,7 @@ even in a frame at eight times its contrast."""
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Part of the way to its lattice point that an amplitude is moved, 0.5 to 1.
+    """Part of the way to its lattice point that an amplitude is moved, 0.3 to 1.
 
     Less is harder to see and leaves less room for noise; receivers take the rest for noise.
 
@@ -104,6 +113,8 @@ class Design:
         Of the superframe.
     host : ndarray of float64, shape (TEMPLATES, ROWS, COLUMNS)
         Mean amplitudes of the picture in luma of 8 bits.
+    energy : ndarray of float64, shape (ROWS, COLUMNS)
+        Mean over the frames of the sum of the squares of a cell's amplitudes.
     texture : ndarray of float64, shape (ROWS, COLUMNS)
         Texture of the cells.
     coded, lone : ndarray of int64, shape (DATA,)
@@ -112,6 +123,7 @@ class Design:
 
     place: int
     host: FloatArray
+    energy: FloatArray
     texture: FloatArray
     coded: NDArray[np.int64]
     lone: NDArray[np.int64]
@@ -128,6 +140,18 @@ class Design:
     def textured(self) -> NDArray[np.bool_]:
         """Cells with the coarse step, shape (ROWS, COLUMNS)."""
         return self.texture > TEXTURE
+
+    @property
+    def prices(self) -> FloatArray:
+        """What moves cost in cells with the fine and with the coarse step, shape (2,).
+
+        Of the information that the eye gets of detail of energy E, a small move takes a part in
+        proportion to E / (E + `EYE_NOISE`): where there is no detail, there is none to lose. Each
+        is a sum over its cells, as a part of all cells.
+        """
+        price = np.maximum(LEAST_PRICE, self.energy / (self.energy + EYE_NOISE))
+        kinds = ~self.textured, self.textured
+        return np.array([np.sum(price[kind]) for kind in kinds]) / price.size
 
     @property
     def smooth(self) -> NDArray[np.bool_]:

@@ -136,6 +136,7 @@ class VideoEmbedder:
         self._received = self._superframes = self._lone = 0
         self._steps = [0] * len(STEPS)
         self._sum = np.zeros((TEMPLATES, ROWS, COLUMNS))
+        self._energy = np.zeros((ROWS, COLUMNS))
         self._textures: list[FloatArray] = []
         self._writer = PatternWriter(self._grid.shape, depth, self._timing)
         self._designs: deque[Design] = deque()
@@ -212,7 +213,9 @@ class VideoEmbedder:
         k = self._superframes
         start, window = self._timing.window_start(k), self._timing.window
         if start <= self._received < start + window:
-            self._sum += self._grid.project(luma)
+            amplitudes = self._grid.project(luma)
+            self._sum += amplitudes
+            self._energy += np.sum(amplitudes**2, axis=0)
             if self._received % TEXTURE_EVERY == 0:
                 self._textures.append(self._grid.texture(luma))
         self._received += 1
@@ -221,8 +224,8 @@ class VideoEmbedder:
         texture = np.mean(self._textures, axis=0) if self._textures else np.zeros((ROWS, COLUMNS))
         l0, l1 = checked_payload(self._source, k, self._profile)
         coded, lone = self._modes[0].link.encode(l0, l1), self._modes[-1].link.encode(l0, b"")
-        design = Design(k, self._sum / window, texture, coded, lone)
-        self._sum[:] = 0
+        design = Design(k, self._sum / window, self._energy / window, texture, coded, lone)
+        self._sum[:] = self._energy[:] = 0
         self._textures.clear()
         self._superframes += 1
         return design

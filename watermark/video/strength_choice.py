@@ -9,6 +9,7 @@ Eggers, Bäuml, Tzschoppe and Girod, "Scalar Costa scheme for information embedd
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,14 @@ from numpy.typing import NDArray
 from watermark.link.link import L0_CHECK, L1_CHECK
 from watermark.video.coder_trial import SHARES, TrialFinding
 from watermark.video.coder_windows import PictureCoder
-from watermark.video.design import Strength, Way, fixed_strength
+from watermark.video.design import Design, Strength, Way, fixed_strength
 from watermark.video.modes import Mode
 from watermark.video.profile import COARSE, DATA, LONE, STEPS, VideoProfile
 
 WAYS = tuple(
     (rung, Way(fine / 20, coarse / 20))
     for rung, shares in enumerate(SHARES)
-    for fine in range(round(20 * shares[0]), 21)
+    for fine in range(round(20 * shares[1]), 21)
     for coarse in range(round(20 * shares[0]), 21)
 )
 """Steps and ways among which that of each class is chosen."""
@@ -86,8 +87,8 @@ class TriedChannel:
         Whether L1 is moved as far as L0 has to be, though it need not arrive: for the worst of
         several alike, on the better ones of which it does.
     price : float
-        By how much L1 may raise the mean square of the values' moves for this channel's sake, as a
-        factor: where it needs more, L0 alone has to arrive. For a worse channel than most have.
+        By how much L1 may raise the cost for this channel's sake, as a factor: where it needs more,
+        L0 alone has to arrive. For a worse channel than most have.
     again : PictureCoder, optional
         Another one like `coder`, on which the mark that was chosen is rehearsed.
 
@@ -122,7 +123,7 @@ class TrialResult:
     place : int
         Of the superframe.
     costs : ndarray of float64, shape (len(WAYS),)
-        Mean square of a value's move with each of `WAYS`, up to a factor.
+        Mean of a value's squared move times its price with each of `WAYS`, up to a factor.
     left : list of ndarray of float64, shape (2, len(WAYS))
         Bits per value of L0 and of L1 with each of them, for each channel.
     floor : Strength or None
@@ -144,6 +145,19 @@ class TrialResult:
             for mine, way, left in zip(bits, ways, both, strict=True):
                 promised = max(mine[WAYS.index((rehearsed.rung, way))], 1e-3)
                 mine *= np.clip(left / promised, *CORRECTION)
+
+
+class Firmness(NamedTuple):
+    """Which of `WAYS` are not weaker than the strength without a trial.
+
+    Attributes
+    ----------
+    smooth, everywhere : ndarray of bool, shape (len(WAYS),)
+        In cells with the fine step, and in all.
+    """
+
+    smooth: Mask
+    everywhere: Mask
 
 
 class StrengthChoice:
@@ -178,10 +192,10 @@ class StrengthChoice:
             for channel in channels
         ]
 
-    def result(self, place: int, findings: Sequence[TrialFinding]) -> TrialResult:
+    def result(self, design: Design, findings: Sequence[TrialFinding]) -> TrialResult:
         """Gather the findings of a trial on all channels."""
         left = [np.array([[each.at(*way) for way in WAYS]] * 2) for each in findings]
-        return TrialResult(place, self._costs(findings[-1]), left)
+        return TrialResult(design.place, self._costs(design), left)
 
     def least_visible(self, result: TrialResult) -> Strength:
         """Return the strength that changes the picture least among those that suffice."""
@@ -193,7 +207,7 @@ class StrengthChoice:
     def _sufficing(self, result: TrialResult) -> Strength:
         fixed = fixed_strength(result.place, self._shape)
         costs = result.costs
-        strong = costs >= costs[WAYS.index((fixed.rung, fixed.first))]
+        strong = self._no_weaker(fixed)
         tried = self._tried(self._channels, result, strong)
         chosen = self._cheapest(costs, [enough for *_, enough in tried])
         if math.isfinite(self._price):
@@ -211,7 +225,7 @@ class StrengthChoice:
         return self._lone([each[:2] for each in tried], costs, costs >= least_cost)
 
     def _tried(
-        self, channels: Sequence[TriedChannel], result: TrialResult, strong: Mask
+        self, channels: Sequence[TriedChannel], result: TrialResult, strong: Firmness
     ) -> list[tuple[FloatArray, TriedChannel, tuple[Mask, Mask]]]:
         """Return each channel's information and the ways that suffice for it."""
         return [
@@ -288,8 +302,8 @@ class StrengthChoice:
             return first, first
         return first, max(first, (8 * profile.l1_bytes + L1_CHECK) / profile.l1_coded)
 
-    def _costs(self, finding: TrialFinding) -> FloatArray:
-        fine, coarse = finding.parts
+    def _costs(self, design: Design) -> FloatArray:
+        fine, coarse = design.prices
         return np.array(
             [
                 self._modes[rung].step ** 2
@@ -297,6 +311,14 @@ class StrengthChoice:
                 for rung, way in WAYS
             ]
         )
+
+    def _no_weaker(self, strength: Strength) -> Firmness:
+        """Which of `WAYS` move values as far as a strength does L0's."""
+        mine, least = self._modes[strength.rung].step, strength.first
+        steps = [self._modes[rung].step for rung, _ in WAYS]
+        fine = np.multiply(steps, [way.fine for _, way in WAYS]) >= mine * least.fine
+        coarse = np.multiply(steps, [way.coarse for _, way in WAYS]) >= mine * least.coarse
+        return Firmness(fine, fine & coarse)
 
     def _cost(self, costs: FloatArray, strength: Strength) -> float:
         """Return the same for a strength."""
@@ -306,11 +328,9 @@ class StrengthChoice:
         return float(rest + self._profile.l0_coded / DATA * (first - rest))
 
     def _enough(
-        self, bits: FloatArray, channel: TriedChannel, result: TrialResult, strong: Mask
+        self, bits: FloatArray, channel: TriedChannel, result: TrialResult, strong: Firmness
     ) -> tuple[Mask, Mask]:
         """Which ways suffice for L0 and for L1 in a channel that leaves so many bits at each.
-
-        `strong`: those not weaker than without a trial.
 
         In this order: ways at which both classes arrive with their margin; if there are none,
         those that leave nearly the most, if L1 may still arrive; then those of L0 at which it
@@ -326,12 +346,12 @@ class StrengthChoice:
         return first & (costs >= mine), rest & (costs >= others)
 
     def _sufficient(
-        self, bits: FloatArray, channel: TriedChannel, result: TrialResult, strong: Mask
+        self, bits: FloatArray, channel: TriedChannel, result: TrialResult, strong: Firmness
     ) -> tuple[Mask, Mask]:
         """Return the same, whatever was rehearsed."""
         first, rate = self._rates(self._profile)
         part = _part(channel, result)
-        least = strong if channel.firm else np.ones(len(WAYS), dtype=bool)
+        least = strong.smooth if channel.firm else np.ones(len(WAYS), dtype=bool)
         allowed = _up_to(channel.widest)
         most = bits[:, allowed].max(axis=1)
         if channel.whole:
@@ -343,7 +363,7 @@ class StrengthChoice:
                     for each, top in zip(bits, most, strict=True)
                 ]
                 return masks[0], masks[1]
-            least = strong
+            least = strong.everywhere
         enough = least & (bits[0] >= part * L0_MARGIN * first)
         if not enough[allowed].any():
             if not channel.whole and most[0] < HOPELESS * first:

@@ -10,9 +10,10 @@ import pytest
 from tests.watermark.pictures import HEIGHT, WIDTH, mark, picture, receive, source
 from watermark.link.link import L0_CHECK
 from watermark.video.coder_trial import TRIED, TrialFinding
+from watermark.video.design import Design, Strength
 from watermark.video.embed import VideoEmbedder
 from watermark.video.modes import make_modes
-from watermark.video.profile import PROFILES
+from watermark.video.profile import COLUMNS, DATA, PROFILES, ROWS, STEPS, TEMPLATES
 from watermark.video.receive import VideoReceiver
 from watermark.video.strength_choice import FIRST_PART, StrengthChoice, TriedChannel
 
@@ -102,6 +103,14 @@ def whole(frames: list[np.ndarray], deviation: float) -> list[bool]:
     found = receive([frame[::-1] for frame in arrived], VideoReceiver(WIDTH, HEIGHT, 25))
     right = {round(s.position_s / 0.64) for s in found if s.l1 is not None}
     return [k in right for k in range(FRAMES // 16)]
+
+
+def design(place: int, *, energies: tuple[float, float] = (8.0, 8.0)) -> Design:
+    """A superframe of a picture with a textured half; energies of smooth and textured cells."""
+    half = np.arange(COLUMNS) < COLUMNS // 2
+    energy, texture = (np.tile(np.where(half, *pair), (ROWS, 1)) for pair in (energies, (1.0, 4.0)))
+    bits = np.zeros(DATA, dtype=np.int64)
+    return Design(place, np.zeros((TEMPLATES, ROWS, COLUMNS)), energy, texture, bits, bits)
 
 
 def test_weak_mark_where_little_is_asked() -> None:
@@ -202,11 +211,43 @@ def test_l0_shares_where_its_rehearsal_arrived(measured: float, lone: bool) -> N
     choice = StrengthChoice(profile, make_modes(profile, 0, 1.0), (720, 1280), channels)
     # L1 would not arrive; L0 has the part of its margin that is asked before a rehearsal.
     promised = np.full((2, len(TRIED)), 2.3 * need)
-    result = choice.result(3, [TrialFinding(np.array([0.5, 0.5]), promised)])
+    result = choice.result(design(3), [TrialFinding(np.array([0.5, 0.5]), promised)])
     rehearsed = choice.least_visible(result)
     assert not rehearsed.lone
     result.correct(rehearsed, [(measured * need, measured * need)])
     assert choice.least_visible(result).lone == lone
+
+
+def chosen(smooth: float, textured: float, **options: Any) -> Strength:
+    """Strength where moves leave information as their square in all cells alike."""
+    profile = PROFILES["standard"]
+    channels = [TriedChannel(Spoiler(0.0), **options)]
+    choice = StrengthChoice(profile, make_modes(profile, 0, 1.0), (720, 1280), channels)
+    promised = [min(0.12 * (STEPS[rung] * share) ** 2, 0.95) for rung, share in TRIED]
+    finding = TrialFinding(np.array([0.5, 0.5]), np.array([promised, promised]))
+    return choice.least_visible(choice.result(design(3, energies=(smooth, textured)), [finding]))
+
+
+def test_moves_are_spared_where_they_cost_most() -> None:
+    # Nine times as much in the coarse lattice, and up to four times that where only it has detail.
+    alike, dear = chosen(1000.0, 1000.0), chosen(0.0, 1000.0)
+    assert alike.rest.coarse < alike.rest.fine
+    step = [STEPS[each.rung] for each in (alike, dear)]
+    assert step[1] * dear.rest.fine >= step[0] * alike.rest.fine
+    assert step[1] * dear.rest.coarse <= step[0] * alike.rest.coarse
+    assert dear.rest.coarse == pytest.approx(0.3)
+
+
+def test_a_plain_wall_has_its_price() -> None:
+    walls, full = design(3, energies=(0.0, 0.0)).prices, design(3, energies=(1e9, 1e9)).prices
+    assert walls == pytest.approx(0.25 * full)
+    assert full == pytest.approx([0.5, 0.5])
+
+
+def test_a_firm_mark_may_be_weaker_in_texture_alone() -> None:
+    free, firm = chosen(8.0, 8.0), chosen(8.0, 8.0, firm=True)
+    assert firm.rung + firm.rest.fine >= 1.0 > free.rest.fine
+    assert firm.rest.coarse < 1.0
 
 
 def test_delay_of_a_rehearsals_coder_changes_nothing() -> None:
