@@ -250,8 +250,8 @@ def picture_channels(
         `USUAL_RATE`, beyond `MOST_PIXELS` for L1 at `MOST_PRICE` at most, and at
         `USUAL_BITS_PER_PIXEL`; for L0 alone H.264 at `USUAL_RATE` behind a cleaner, `USUAL_AV1`,
         and MPEG-2 at `SMALL_LINES`; the widest step only for the first. Small pictures are tried on
-        the second one, at no strength below that of ``none``, at which L1 arrives at `USUAL_RATE`,
-        and behind the cleaner alone.
+        the second one, in smooth cells at no strength below that of ``none``, at which L1 arrives
+        at `USUAL_RATE`, behind the cleaner and on MPEG-2.
     width, height, fps, depth
         Of the picture.
     most_bps : int

@@ -78,8 +78,8 @@ class TriedChannel:
     widest : int
         Number of the widest step that may be taken for its sake: wide ones can be seen.
     firm : bool
-        Whether no strength below that without a trial is taken: for a coder that stands for
-        unknown ones, which may leave less.
+        Whether smooth cells get no strength below that without a trial: for a coder that stands
+        for unknown ones, which may leave less there.
     lone : bool
         Whether L0 may get all values, which L1 loses everywhere, where it would not arrive with
         its margin at this channel's widest step.
@@ -334,9 +334,9 @@ class StrengthChoice:
 
         In this order: ways at which both classes arrive with their margin; if there are none,
         those that leave nearly the most, if L1 may still arrive; then those of L0 at which it
-        arrives with its margin; at last the strongest, or any where L0 alone is asked for and would
-        not arrive even so. None is asked for beyond the channel's widest step, but wider ones
-        suffice as well; none is weaker than the rehearsed one.
+        arrives with its margin; those that leave nearly the most, if it may still arrive; at last
+        the strongest, or any where L0 alone is asked for. None is asked for beyond the channel's
+        widest step, but wider ones suffice as well; none is weaker than the rehearsed one.
         """
         first, rest = self._sufficient(bits, channel, result, strong)
         costs, floor = result.costs, result.floor
@@ -366,9 +366,12 @@ class StrengthChoice:
             least = strong.everywhere
         enough = least & (bits[0] >= part * L0_MARGIN * first)
         if not enough[allowed].any():
-            if not channel.whole and most[0] < HOPELESS * first:
+            if most[0] >= HOPELESS * first:
+                enough = least & (bits[0] >= NEARLY * most[0])
+            elif channel.whole:
+                enough = result.costs >= result.costs[_strongest(channel.widest)]
+            else:
                 return least, least
-            enough = result.costs >= result.costs[_strongest(channel.widest)]
         return enough, enough if channel.whole or channel.together else least
 
 
