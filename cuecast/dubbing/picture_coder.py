@@ -63,7 +63,7 @@ _ENCODERS: dict[str, tuple[str, dict[str, str], str]] = {
 
 SMALL_LINES, SMALL_RATE = 360, 4_000_000
 """Lines and bits per second of the small picture in MPEG-2 that the mark is tried on without a
-choice: what many sets in standard definition get of a larger programme."""
+choice: what many sets in standard definition get."""
 
 SMALL_GOP = 600
 """Frames of the small picture from one that stands alone to the next, the most that FFmpeg's MPEG-2
@@ -191,7 +191,7 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
 
 
 class _SmallPicture:
-    """Shrink a picture to `SMALL_LINES` lines of 8 bits, or more if its cells need them."""
+    """Scale a picture to `SMALL_LINES` lines of 8 bits, or more if its cells need them."""
 
     def __init__(self, width: int, height: int, depth: int) -> None:
         # A portrait has more lines, so that it is wide enough for all columns of cells.

@@ -245,15 +245,15 @@ def test_a_plain_wall_has_its_price() -> None:
 
 
 def test_l0_that_misses_its_margin_is_not_moved_for_next_to_nothing() -> None:
-    # Of 2.5 times its need 1.6 are left at any strength that it may have.
+    # L0 asks for 2.5 times its need, of which 1.6 are left at every strength.
     profile, need = PROFILES["standard"], (8 * 20 + L0_CHECK) / 2560
     channels = [TriedChannel(Spoiler(0.0), whole=False, lone=False)]
     choice = StrengthChoice(profile, make_modes(profile, 0, 1.0), (720, 1280), channels)
     left = np.array([[0.0] * len(TRIED), [3.2 * need] * len(TRIED)])
     result = choice.result(design(3), [TrialFinding(np.array([0.5, 0.5]), left)])
-    chosen = choice.least_visible(result)
-    # Smooth cells leave nothing, and textured ones all at once.
-    assert (chosen.rung, chosen.first) == (0, Way(0.5, 0.3))
+    least = choice.least_visible(result)
+    # Smooth cells leave nothing, textured ones the same at any strength.
+    assert (least.rung, least.first) == (0, Way(0.5, 0.3))
 
 
 def test_a_firm_mark_may_be_weaker_in_texture_alone() -> None:
