@@ -25,7 +25,7 @@ from cuecast.evaluate.picture_channels import find_channel, send
 from cuecast.media.picture import PictureStage, rewrite_picture
 from receiver.media.picture import PictureFormat, picture_format, read_lumas
 from watermark.link.superframe import SUPERFRAME_S
-from watermark.video import borders, demodulate, lattices, recent_frames, track
+from watermark.video import borders, demodulate, lattices, noise, recent_frames, track
 from watermark.video.embed import VideoEmbedder
 from watermark.video.grid import Grid
 from watermark.video.modes import Mode, make_modes
@@ -60,12 +60,12 @@ class Weight:
 
 
 SOFT = (
-    Weight(demodulate, "MOTION_WEIGHT", (0.0, 0.05, 0.1, 0.2, 0.4)),
-    Weight(demodulate, "MOTION_LIMIT", (1.0, 2.0, 8.0)),
-    Weight(demodulate, "FLAT", (0.0, 0.25, 0.35, 0.7, 1.0)),
-    Weight(demodulate, "ALL_PILOTS", (4.0, 8.0, 32.0, 64.0)),
+    Weight(noise, "TEXTURE_OCTAVES", (0.25, 0.35, 0.7, 1.0)),
+    Weight(noise, "MOTION_OCTAVES", (0.5, 0.7, 1.4, 2.0)),
+    Weight(noise, "STAND_IN", (2.0, 4.0, 16.0, 32.0)),
+    Weight(noise, "ALL_KNOWN", (1.0, 16.0)),
+    Weight(noise, "MOST", (20.0, 100.0, 1000.0)),
     Weight(demodulate, "LAG_TEXTURE", (0.2, 0.3, 0.7, 1.0)),
-    Weight(demodulate, "LAG_MOTION", (1.0, 2.0, 5.0, 10.0)),
     Weight(lattices, "BLUR", (0.05, 0.1, 0.2, 0.3)),
     Weight(lattices, "SEEN_TEXTURE", (0.8, 0.87, 1.0, 1.1)),
 )
@@ -172,8 +172,7 @@ class Windows:
             read = likely(*information(mean, variance, mode, texture, k, coded))
             for lag in demodulate.LAGS if read[0] < 0.5 else ():
                 sharp = demodulate.without_lag(mean, rise, np.tile(texture, TEMPLATES), lag)
-                moved = demodulate.LAG_MOTION * variance
-                sharper = likely(*information(sharp, moved, mode, texture, k, coded))
+                sharper = likely(*information(sharp, variance, mode, texture, k, coded))
                 read = max(read, sharper, key=lambda each: each[0])
             total.append(read)
         return float(np.mean(total))
@@ -183,7 +182,12 @@ def information(
     mean: Array, variance: Array, mode: Mode, texture: Array, k: int, coded: NDArray[np.int64]
 ) -> tuple[float, float]:
     """Bits that the soft values of each class give about what was sent."""
-    ratios = demodulate.soft_bits(mean, variance, mode, texture, k % 2).ratios
+    first = coded[: PROFILE.l0_coded]
+    alone, helped = (
+        demodulate.soft_bits(mean, variance, mode, texture, k % 2, first=known).ratios
+        for known in (None, first)
+    )
+    ratios = np.concatenate([alone[: first.size], helped[first.size :]])
     right = np.clip(np.where(coded == 0, ratios, -ratios), -30, 30)
     bits = 1 - np.log2(1 + np.exp(-right))
     return float(bits[: PROFILE.l0_coded].sum()), float(bits[PROFILE.l0_coded :].sum())

@@ -40,7 +40,14 @@ LONG_MESSAGE, LONG_SIGNIFICANCE = 200, 1.0
 superframes of `high` that failed gave a wrong message (`tests/bench/second_class.py`)."""
 
 SIGNIFICANT_RATE = 1 / 3
-"""Code rate up to which noise is Gaussian in that sense."""
+"""Code rate up to which noise is Gaussian in that sense.
+
+Where few values carry most, as in pictures, these decide what noise may reach, and true messages
+miss the limit: of 220 second classes whose message was the decoder's best one, 9 missed 0.97 and 14
+missed 1. There each value counts with the agreement that is expected of it, the weight with the
+best ratio of signal to noise: 1 of 220 misses 0.97, of 816 wrong messages beside a right first
+class 2 % reach it, of 5152 found in noise none (0.96).
+"""
 
 
 class Rates(Protocol):
@@ -65,6 +72,10 @@ class Rates(Protocol):
     @property
     def l1_coded(self) -> int:
         """Coded bits of the second class."""
+
+    @property
+    def uneven(self) -> bool:
+        """Whether few values may carry most of what arrives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +103,7 @@ class _Class:
     code: PolarCode
     paths: int | None = None
     significance: float = SIGNIFICANCE
+    uneven: bool = False
 
     def encode(self, payload: bytes) -> NDArray[np.int64]:
         if len(payload) != self.size:
@@ -103,22 +115,25 @@ class _Class:
         self, llr: NDArray[np.float64], list_size: int
     ) -> tuple[bytes, NDArray[np.int64]] | None:
         """Payload and coded bits."""
-        least = self._least(llr)
-        messages = self.code.paths(llr, list_size, least)[: self.paths]
+        shown = np.tanh(llr / 2) if self.uneven else llr
+        least = self._least(shown)
+        # The decoder leaves out paths by the ratios themselves.
+        bound = -math.inf if self.uneven else least
+        messages = self.code.paths(llr, list_size, bound)[: self.paths]
         for message in messages[self._passes(messages)]:
             coded = self.code.encode(message)
-            if llr @ (1.0 - 2.0 * coded) >= least:
+            if shown @ (1.0 - 2.0 * coded) >= least:
                 return np.packbits(message[: 8 * self.size].astype(np.uint8)).tobytes(), coded
         return None
 
     def _passes(self, messages: NDArray[np.int64]) -> NDArray[np.bool_]:
         return passes(messages, self.check)
 
-    def _least(self, llr: NDArray[np.float64]) -> float:
-        """Least correlation with the ratios of a significant message."""
+    def _least(self, shown: NDArray[np.float64]) -> float:
+        """Least correlation of a significant message with the values."""
         if self.code.message > SIGNIFICANT_RATE * self.code.length:
             return -math.inf
-        largest = np.sqrt(2 * np.log(2) * self.code.message * (llr @ llr))
+        largest = np.sqrt(2 * np.log(2) * self.code.message * (shown @ shown))
         return float(self.significance * largest)
 
 
@@ -138,14 +153,15 @@ class Link:
         self.profile = profile
         first, second = profile.l0_bytes, profile.l1_bytes
         code = make_code(8 * first + L0_CHECK, profile.l0_coded, profile.l0_mother)
-        self._first = _Class("L0", first, L0_CHECK, code)
+        self._first = _Class("L0", first, L0_CHECK, code, uneven=profile.uneven)
         self._second = None
         if second:
             code = make_code(8 * second + L1_CHECK, profile.l1_coded)
             paths, asked = SECOND_PATHS, SIGNIFICANCE
             if code.message > LONG_MESSAGE:
-                paths, asked = LONG_SECOND_PATHS, LONG_SIGNIFICANCE
-            self._second = _Class("L1", second, L1_CHECK, code, paths, asked)
+                paths = LONG_SECOND_PATHS
+                asked = SIGNIFICANCE if profile.uneven else LONG_SIGNIFICANCE
+            self._second = _Class("L1", second, L1_CHECK, code, paths, asked, profile.uneven)
 
     def encode(self, l0: bytes, l1: bytes) -> NDArray[np.int64]:
         """Coded bits of a superframe, shape (data_cells,): first L0's, then L1's.

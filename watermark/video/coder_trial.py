@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from watermark.video.coder_windows import CoderWindow
-from watermark.video.demodulate import MOTION_LIMIT, MOTION_WEIGHT, NOISES, soft_bits
+from watermark.video.demodulate import soft_bits
 from watermark.video.design import Design, Way
-from watermark.video.lattices import lattice_shares, likelihood
+from watermark.video.lattices import densities, lattice_shares
 from watermark.video.modes import Mode
+from watermark.video.noise import NOISES, noise_shares, surroundings
 from watermark.video.profile import TEMPLATES, TEXTURE
 
 SHARES = ((0.3, 0.5, 0.6, 0.7, 0.85, 1.0), (0.3, 0.6, 0.8, 1.0), (0.3, 0.6, 0.8, 1.0))
@@ -43,23 +44,27 @@ class TrialFinding:
     ----------
     parts : ndarray of float64, shape (2,)
         Part of the values in cells with the fine and with the coarse step.
-    information : ndarray of float64, shape (2, len(TRIED))
-        Bits per value for both kinds of cells.
+    information : ndarray of float64, shape (2, 2, len(TRIED))
+        Bits per value of L0 and of L1 for both kinds of cells. Of L0 receivers have nothing but
+        the pilots to tell its noise: it is promised what one noise for all such cells leaves.
     """
 
     parts: FloatArray
     information: FloatArray
 
-    def at(self, rung: int, way: Way) -> float:
-        """Mean bits per value with a step and a way, between those tried if need be."""
+    def at(self, rung: int, way: Way) -> tuple[float, float]:
+        """Mean bits per value of L0 and L1 with a step and a way, maybe between those tried."""
         shares = SHARES[rung]
         first = TRIED.index((rung, shares[0]))
         tried = slice(first, first + len(shares))
-        fine, coarse = self.information[:, tried]
-        return float(
-            self.parts[0] * np.interp(way.fine, shares, fine)
-            + self.parts[1] * np.interp(way.coarse, shares, coarse)
+        one, other = (
+            float(
+                self.parts[0] * np.interp(way.fine, shares, fine)
+                + self.parts[1] * np.interp(way.coarse, shares, coarse)
+            )
+            for fine, coarse in self.information[..., tried]
         )
+        return one, other
 
 
 def find_left(
@@ -77,7 +82,8 @@ def find_left(
     modes : sequence of Mode
         The profile's, one for each step.
     """
-    share = np.tile(lattice_shares(window.texture, [TEXTURE]), TEMPLATES)
+    textures = np.tile(window.texture, TEMPLATES)
+    share = lattice_shares(textures, [TEXTURE])
     textured = np.tile(design.textured.reshape(-1), TEMPLATES)
     bits, layout = design.bits(modes[0]), modes[0].layout
     data = np.ones(choice.size, dtype=bool)
@@ -90,19 +96,19 @@ def find_left(
     # Apart for smooth (0) and textured (1) cells, from the reading that shows most.
     tables = []
     for mean, variance in window.readings():
-        table = np.zeros((2, len(TRIED)))
+        table, where = np.zeros((2, 2, len(TRIED))), surroundings(textures, variance)
         for kind, index in product((0, 1), TRIED_NUMBERS):
             mine, step = groups[kind][index], modes[TRIED[index][0]].step
             if mine.size:
-                # In steps: the mean over the trial's frames is the value sent, their variance
-                # the noise.
                 place = mean[mine] / step - layout.dither[mine]
-                motion = variance[mine] / step**2
-                table[kind, index] = _information(place, motion, bits[mine], share[:, mine])
+                table[:, kind, index] = [
+                    _information(place, told, bits[mine], share[:, mine])
+                    for told in (np.zeros(mine.size, dtype=np.int64), where[mine])
+                ]
         tables.append(table)
     found = max(tables, key=lambda table: float(np.sum(table * counts)))
     parts = np.array([1 - textured.mean(), textured.mean()])
-    return TrialFinding(parts, _smooth(found, counts))
+    return TrialFinding(parts, np.stack([_smooth(each, counts) for each in found]))
 
 
 def measure_left(window: CoderWindow, design: Design, mode: Mode) -> tuple[float, float]:
@@ -116,25 +122,26 @@ def measure_left(window: CoderWindow, design: Design, mode: Mode) -> tuple[float
     mode : Mode
         That it was marked in; where it has no L1, that of L0 is given twice.
     """
-    sign = 1 - 2 * design.bits(mode)[mode.layout.data]
+    coded, size = design.bits(mode)[mode.layout.data], mode.profile.l0_coded
     readings = []
     for mean, variance in window.readings():
-        ratios = soft_bits(mean, variance, mode, window.texture, design.place & 1).ratios
-        readings.append(1 - np.logaddexp(0, -ratios * sign) / np.log(2))
+        # Receivers know L0 when they read L1.
+        alone, helped = (
+            soft_bits(mean, variance, mode, window.texture, design.place & 1, first=first).ratios
+            for first in (None, coded[:size])
+        )
+        ratios = np.concatenate([alone[:size], helped[size:]])
+        readings.append(1 - np.logaddexp(0, -ratios * (1 - 2 * coded)) / np.log(2))
     best = max(readings, key=lambda each: float(each.sum()))
-    first = mode.profile.l0_coded
-    rest = best[first:] if mode.profile.l1_coded else best
-    return float(best[:first].mean()), float(rest.mean())
+    rest = best[size:] if mode.profile.l1_coded else best
+    return float(best[:size].mean()), float(rest.mean())
 
 
-def _information(
-    place: FloatArray, variance: FloatArray, known: IntArray, share: FloatArray
-) -> float:
+def _information(place: FloatArray, where: IntArray, known: IntArray, share: FloatArray) -> float:
     """Bits per value of values whose bits are known, by the receiver's own rules."""
-    spread = np.sqrt(1 + MOTION_WEIGHT * np.minimum(variance, MOTION_LIMIT))
-    right = np.stack([likelihood(place, known, sigma * spread, share) for sigma in NOISES])
-    best = int(right.sum(axis=1).argmax())
-    ratio = right[best] - likelihood(place, 1 - known, NOISES[best] * spread, share)
+    right, wrong = (densities(place, bit, share, NOISES) for bit in (known, 1 - known))
+    likely = noise_shares(np.log(right), where, where, themselves=True)
+    ratio = np.log(np.sum(likely * right, axis=0) / np.sum(likely * wrong, axis=0))
     return float(np.mean(1 - np.logaddexp(0, -ratio) / np.log(2)))
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.video.demodulate import LAG_MOTION, LAGS, without_lag
+from watermark.video.demodulate import LAGS, without_lag
 from watermark.video.grid import Grid
 from watermark.video.profile import TEMPLATES, TEXTURE_EVERY
 from watermark.video.recent_frames import LAG_FRAMES
@@ -75,7 +75,7 @@ class CoderWindow:
             rise = self.seen[-LAG_FRAMES:].mean(axis=0) - self.before.mean(axis=0)
             textures = np.tile(self.texture, TEMPLATES)
             for lag in LAGS:
-                yield without_lag(mean, rise, textures, lag), LAG_MOTION * variance
+                yield without_lag(mean, rise, textures, lag), variance
 
 
 class CoderWindows:

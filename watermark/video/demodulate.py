@@ -1,9 +1,9 @@
 """From a window's mean amplitudes to one log-likelihood ratio per coded bit.
 
 A value lies near a point of its bit's lattice: the fine one, or in a textured cell the coarse one
-(`watermark.video.lattices`). Values that moved during the window are trusted less; the amount of
-noise is estimated from the pilots, whose bits are known. Specification: spec/video-carrier.md,
-section 6.
+(`watermark.video.lattices`). How much noise it has is told by the pilots, whose bits are known, in
+cells with like texture and motion; once L0 is decoded, its values tell it better, and L1 is read
+again. Specification: spec/video-carrier.md, section 6.
 """
 
 from dataclasses import dataclass
@@ -11,29 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.video.lattices import PILOT_TEXTURES, lattice_shares, likelihood, pilot_waves
+from watermark.video.lattices import PILOT_TEXTURES, densities, lattice_shares, pilot_waves
 from watermark.video.modes import Mode
-from watermark.video.profile import PILOT_SPREADS, PILOTS, TEMPLATES, TEXTURE
+from watermark.video.noise import NOISES, noise_shares, surroundings
+from watermark.video.profile import PILOT_SPREADS, TEMPLATES, TEXTURE
 
 FloatArray = NDArray[np.float64]
-
-MOTION_WEIGHT, MOTION_LIMIT = 0.05, 1.0
-"""Growth of a value's noise with its variance over the window in squared steps, and where it ends.
-Motion predicts errors only weakly. Of ten films, each left out, the nine others choose this value,
-as they do for the limit and `ALL_PILOTS` (`tests/bench/picture_weights.py`)."""
-
-NOISES = tuple(0.06 * 1.25**n for n in range(13))
-"""Standard deviations in steps among which the pilots choose; at the last one the fine lattice
-shows nothing any more."""
-
-FLAT = 0.5
-"""Texture in luma of 8 bits up to which a cell's noise is estimated apart from that of others:
-there coders copy most, and cleaners leave least. With it 55 instead of 51 of 57 superframes were
-read through MPEG-2 at 360 lines, 105 instead of 102 of 134 whole through AV1."""
-
-ALL_PILOTS = 4
-"""Pilots of the whole picture that count beside those of cells of the same kind, in case that there
-are few of these."""
 
 LAGS = 0.45, 0.9
 """Lags that are tried: parts of a window that a flat cell's mean is behind, as its share of the
@@ -43,9 +26,6 @@ with noise and .4 to .6 of a still one."""
 LAG_TEXTURE = 0.45
 """Texture in luma of 8 bits of a cell with half the lag of a flat one: cleaners of noise mix less
 where more changes. Fitted to known marks in one film."""
-
-LAG_MOTION = 3.0
-"""Factor of `MOTION_WEIGHT` where a lag is taken back: an error of it grows with the motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +53,8 @@ def soft_bits(
     mode: Mode,
     texture: FloatArray,
     parity: int | None = None,
+    *,
+    first: NDArray[np.int64] | None = None,
 ) -> Soft:
     """Demodulate a window.
 
@@ -87,32 +69,31 @@ def soft_bits(
         Textures of the cells in luma of 8 bits.
     parity : int, optional
         0 or 1 if it is known; otherwise the pilots show it.
+    first : ndarray of int64, shape (values of L0,), optional
+        Coded bits of L0 if they are known: they show the noise as pilots do.
     """
     layout = mode.layout
-    dither, pilots, data = layout.dither, layout.pilots, layout.data
-    moving = np.minimum(variance / mode.step**2, MOTION_LIMIT)
-    noise = mode.step * np.sqrt(1 + MOTION_WEIGHT * moving)
+    pilots, data = layout.pilots, layout.data
     textures = np.tile(texture, TEMPLATES)
-    place = mean[pilots] / mode.pilot_step - dither[pilots]
+    place = mean[pilots] / mode.pilot_step - layout.dither[pilots]
     metric = float(np.mean((1 - 2 * layout.pilot_bits) * pilot_waves(place, textures[pilots])))
     if parity is None:
         parity = int(metric < 0)
     known = layout.pilot_bits ^ parity
     shares = lattice_shares(textures[pilots], PILOT_TEXTURES)
-    spread = noise[pilots] / mode.pilot_step
-    scores = np.stack(
-        [likelihood(place, known, sigma * spread, shares, PILOT_SPREADS) for sigma in NOISES]
-    )
-    together = scores.sum(axis=1)
-    shares = lattice_shares(textures, [TEXTURE])
-    kinds = (shares[1] >= 0.5).astype(int) + (textures >= FLAT)
-    for kind in range(3):
-        # Coders and cleaners spare texture, and cleaners leave little of the mark elsewhere.
-        alike = kinds == kind
-        best = scores[:, alike[pilots]].sum(axis=1) + together * (ALL_PILOTS / PILOTS)
-        noise[alike] *= NOISES[int(best.argmax())]
-    place, sigma = mean[data] / mode.step - dither[data], noise[data] / mode.step
-    ratios = [likelihood(place, bit, sigma, shares[:, data]) for bit in (0, 1)]
+    noises = tuple(sigma * mode.step / mode.pilot_step for sigma in NOISES)
+    shown = np.log(densities(place, known, shares, noises, PILOT_SPREADS))
+    place = mean[data] / mode.step - layout.dither[data]
+    shares = lattice_shares(textures[data], [TEXTURE])
+    both = [densities(place, bit, shares, NOISES) for bit in (0, 1)]
+    where, positions = surroundings(textures, variance), pilots
+    if first is not None:
+        size = first.size
+        right = np.where(first == 0, both[0][:, :size], both[1][:, :size])
+        shown = np.hstack([shown, np.log(right)])
+        positions = np.concatenate([pilots, data[:size]])
+    likely = noise_shares(shown, where[positions], where[data])
+    ratios = [np.log(np.sum(likely * each, axis=0)) for each in both]
     return Soft(ratios[0] - ratios[1], parity, abs(metric))
 
 

@@ -5,6 +5,7 @@ probability. Specification: spec/video-carrier.md, section 4.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ BLUR = 0.15
 
 SEEN_TEXTURE = 0.93
 """Texture that a cell shows a receiver, as a part of the embedder's, with the mark in it."""
+
+LEVELS = 256
+"""Distances from a lattice's point, up to half a period, at which densities are tabulated."""
 
 
 def lattice_shares(texture: FloatArray, limits: Sequence[float]) -> FloatArray:
@@ -63,21 +67,49 @@ def pilot_waves(place: FloatArray, texture: FloatArray) -> FloatArray:
     return np.asarray(np.sum(lattice_shares(texture, PILOT_TEXTURES) * waves, axis=0))
 
 
-def likelihood(
+def densities(
     place: FloatArray,
     bit: NDArray[np.int64] | int,
-    sigma: FloatArray,
     shares: FloatArray,
+    noises: tuple[float, ...],
     spreads: Sequence[int] = (1, COARSE),
 ) -> FloatArray:
-    """Logarithm of the density of amplitudes, less the dither, around the lattices of a bit."""
-    total = np.full(place.shape, 1e-4)
+    """Density of amplitudes, less the dither, around the lattices of a bit with noise.
+
+    Parameters
+    ----------
+    place : ndarray of float64, shape (values,)
+        In fine steps.
+    bit : ndarray of int64, shape (values,), or int
+    shares : ndarray of float64, shape (len(spreads), values)
+        Probability of each lattice.
+    noises : tuple of float
+        Standard deviations in fine steps.
+    spreads : sequence of int
+        Steps of the lattices in fine ones.
+
+    Returns
+    -------
+    ndarray of float64, shape (len(noises), values)
+
+    Examples
+    --------
+    >>> on_a_point = densities(np.array([0.0]), 0, np.array([[1.0], [0.0]]), (0.1, 0.2, 0.4))
+    >>> on_a_point.ravel().round(1).tolist()
+    [10.0, 5.0, 2.7]
+    """
+    total = np.full((len(noises), place.size), 1e-4)
     for period, share in zip(spreads, shares, strict=True):
-        away = place - period * np.asarray(bit) / 2
-        away -= period * np.round(away / period)
-        density = np.zeros(place.shape)
-        for neighbour in (-1, 0, 1):
-            density += np.exp(-0.5 * ((away + neighbour * period) / sigma) ** 2)
+        away = place / period - np.asarray(bit) / 2
+        levels = np.rint(np.abs(away - np.round(away)) * (2 * LEVELS)).astype(np.intp)
         # All points of a lattice together weigh the same, however few they are.
-        total += share * period * density / sigma
-    return np.asarray(np.log(total))
+        total += share * _table(period, noises).take(levels, axis=1)
+    return total
+
+
+@lru_cache(maxsize=32)
+def _table(period: int, noises: tuple[float, ...]) -> FloatArray:
+    """Density at each distance from a point with each noise, shape (len(noises), LEVELS + 1)."""
+    away, sigma = np.arange(LEVELS + 1) * period / (2 * LEVELS), np.array(noises)[:, None]
+    around = [np.exp(-0.5 * ((away + neighbour * period) / sigma) ** 2) for neighbour in (-1, 0, 1)]
+    return np.asarray(np.sum(around, axis=0) * period / sigma)

@@ -92,6 +92,11 @@ class VideoProfile:
             raise CueError(f"{self.l0_coded} coded bits of L0: must be {self.l0_mother}..{DATA}")
 
     @property
+    def uneven(self) -> bool:
+        """True: coders leave much of the mark in some cells and nothing in others."""
+        return True
+
+    @property
     def l0_mother(self) -> int:
         """Bits of the mother code of the first class."""
         return STANDARD.l0_mother

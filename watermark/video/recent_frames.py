@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from watermark.video.demodulate import FLAT, LAG_MOTION, without_lag
+from watermark.video.demodulate import without_lag
 from watermark.video.grid import Grid
 from watermark.video.profile import COLUMNS, ROWS, TEMPLATES, TEXTURE_EVERY
 
 Luma = NDArray[Any]
 FloatArray = NDArray[np.float64]
+
+FLAT = 0.5
+"""Texture in luma of 8 bits up to which cells are also read apart from others: cleaners leave them
+longest as they were."""
 
 LAG_FRAMES = 2
 """Frames at the end of a window, and before it, whose difference shows how much a picture with a
@@ -122,7 +126,6 @@ class RecentFrames:
             left = 1 - reading.flat[0] / self._window
         if reading.lag:
             mean = without_lag(mean, left * self._rise(start), textures, reading.lag)
-            variance *= LAG_MOTION
         return mean, variance, texture
 
     def textured(self, start: int) -> tuple[int, ...]:

@@ -194,7 +194,7 @@ class StrengthChoice:
 
     def result(self, design: Design, findings: Sequence[TrialFinding]) -> TrialResult:
         """Gather the findings of a trial on all channels."""
-        left = [np.array([[each.at(*way) for way in WAYS]] * 2) for each in findings]
+        left = [np.array([each.at(*way) for way in WAYS]).T for each in findings]
         return TrialResult(design.place, self._costs(design), left)
 
     def least_visible(self, result: TrialResult) -> Strength:

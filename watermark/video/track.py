@@ -342,10 +342,19 @@ class VideoTracker:
         """Decode a window, read in one way or another."""
         mode = self._watch.modes[number]
         mean, variance, texture = self._frames.mean(start, reading)
+        hidden = ~self._frames.seen[mode.layout.data]
         soft = soft_bits(mean, variance, mode, texture, parity)
-        soft.ratios[~self._frames.seen[mode.layout.data]] = 0.0
+        soft.ratios[hidden] = 0.0
         size = LONG_LIST if reading in self._lagged else LIST
         decoded = mode.link.decode(soft.ratios, list_size=size)
+        if decoded.l0 is not None and decoded.l1 is None:
+            # Known values of L0 show the noise better than the pilots alone.
+            first = decoded.coded[: mode.profile.l0_coded]
+            soft = soft_bits(mean, variance, mode, texture, soft.parity, first=first)
+            soft.ratios[hidden] = 0.0
+            l1 = mode.link.second(soft.ratios, list_size=size)
+            if l1 is not None:
+                decoded = mode.link.complete(decoded, l1)
         shown = None if parity is not None or soft.agreement < THRESHOLD else soft.parity
         if self._is_old(start, decoded.l0, shown):
             # Coders, cleaners and frozen pictures show a pattern on.

@@ -1,4 +1,5 @@
 import hashlib
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -314,3 +315,41 @@ def test_words_of_a_key_s_stream() -> None:
     for key in (-1, 2**64):
         with pytest.raises(CueError, match=rf"^key {key} is not within 0\.\.2\*\*64-1$"):
             stream_words("signs", key, 1)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Rates of `standard` in pictures, few of whose values carry most, or all alike."""
+
+    uneven: bool
+    l0_bytes: int = 20
+    l1_bytes: int = 140
+    l0_coded: int = 2560
+    l0_mother: int = 1024
+    l1_coded: int = 4320
+
+
+@pytest.mark.parametrize(("part", "strong", "weak"), [(0.2, 5.0, 0.55), (0.15, 5.0, 0.65)])
+def test_few_sure_values_do_not_hide_a_message(part: float, strong: float, weak: float) -> None:
+    """Information is 1.4 times the message's; the squares of the sure ones raise the limit."""
+    link, read = Link(_Values(uneven=True)), []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        l0, l1 = rng.bytes(20), rng.bytes(140)
+        amplitude = np.where(rng.uniform(size=6880) < part, strong, weak)
+        sent = ratios(link.encode(l0, l1))
+        llr = 2 * amplitude * (amplitude * sent + rng.normal(size=sent.size))
+        assert link.second(llr) == l1
+        read.append(Link(_Values(uneven=False)).second(llr))
+    assert read == [None] * 8
+
+
+def test_no_path_in_uneven_noise_is_significant(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_Class, "_passes", lambda _, messages: np.ones(len(messages), dtype=bool))
+    link = Link(_Values(uneven=True))
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        amplitude = np.where(rng.uniform(size=6880) < 0.2, 5.0, 0.55)
+        llr = 2 * amplitude * (amplitude * rng.choice([-1.0, 1.0], 6880) + rng.normal(size=6880))
+        assert link.decode(llr).l0 is None
+        assert link.second(llr) is None

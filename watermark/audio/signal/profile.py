@@ -151,6 +151,11 @@ class AudioProfile:
         return (self.groups - pilots) * FRAMES_PER_SUPERFRAME
 
     @property
+    def uneven(self) -> bool:
+        """False: bits are spread over values that are about equally sure."""
+        return False
+
+    @property
     def l0_mother(self) -> int:
         """Bits of the mother code of the first class."""
         return longest_mother(self.l0_coded)
