@@ -128,6 +128,16 @@ def test_none_speaks_for_itself() -> None:
     assert noise_shares(scores, where, where)[:, 0].argmax() == len(NOISES) - 1
 
 
+def test_an_odd_one_among_many_is_told_by_the_others() -> None:
+    where = surroundings(np.full(300, 0.2), np.zeros(300))
+    scores = np.zeros((len(NOISES), 300))
+    scores[0, 1:], scores[0, 0] = 0.1, -50.0
+    told = noise_shares(scores, where, where, themselves=True)[:, :1]
+    others = noise_shares(scores[:, 1:], where[1:], where[:1])
+    np.testing.assert_allclose(told, others, atol=0.03)
+    assert 0.8 < told[0, 0] < 0.95
+
+
 def test_extreme_surroundings_are_numbered() -> None:
     texture, variance = np.array([0.0, 1e6]), np.array([1e12, 0.0])
     shares = noise_shares(np.zeros((len(NOISES), 1)), surroundings(texture, variance)[:1],
