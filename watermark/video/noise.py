@@ -28,10 +28,10 @@ WIDER = 3
 """Width of the kernel that stands in where few values are alike, in that of the usual one."""
 
 STAND_IN = 8
-"""Known values for which it counts, however many it covers."""
+"""Weight of the wider kernel's mean, in known values, however many it covers."""
 
 ALL_KNOWN = 4
-"""Known values for which those of the whole picture count in it."""
+"""Weight of the whole picture's mean in that mean, in known values."""
 
 MOST = 50
 """Known values for which those that are alike count at most. More would single out one of `NOISES`
