@@ -159,26 +159,28 @@ def reduce_into(
     """
     weight, half = np.float32(scale / (factor * factor)), np.float32(0.5)
     for y in range(out.shape[0]):
-        first = luma[factor * y]
+        first, small = luma[factor * y], out[y]
+        if factor == 3:  # 1080 lines: known factors are faster
+            second, third = luma[3 * y + 1], luma[3 * y + 2]
+            for x in range(line.shape[0]):
+                line[x] = np.int32(first[x]) + np.int32(second[x]) + np.int32(third[x])
+            for x in range(small.shape[0]):
+                total = (
+                    np.int32(line[3 * x]) + np.int32(line[3 * x + 1]) + np.int32(line[3 * x + 2])
+                )
+                small[x] = np.int32(np.float32(total) * weight + half)
+            continue
         for x in range(line.shape[0]):
             line[x] = first[x]
         for i in range(1, factor):
             more = luma[factor * y + i]
             for x in range(line.shape[0]):
                 line[x] += more[x]
-        small = out[y]
-        if factor == 3:  # 1080 lines: known factors are faster
-            for x in range(small.shape[0]):
-                total = (
-                    np.int32(line[3 * x]) + np.int32(line[3 * x + 1]) + np.int32(line[3 * x + 2])
-                )
-                small[x] = int(np.float32(total) * weight + half)
-        else:
-            for x in range(small.shape[0]):
-                total = np.int32(0)
-                for j in range(factor):
-                    total += np.int32(line[factor * x + j])
-                small[x] = int(np.float32(total) * weight + half)
+        for x in range(small.shape[0]):
+            total = np.int32(0)
+            for j in range(factor):
+                total += np.int32(line[factor * x + j])
+            small[x] = np.int32(np.float32(total) * weight + half)
 
 
 @njit(cache=True)

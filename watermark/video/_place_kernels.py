@@ -62,17 +62,19 @@ def resample_into(
     """
     line = np.empty(picture.shape[1], dtype=np.float32)
     for y in range(rows.shape[0]):
-        line[:] = 0.0
-        for k in range(4):
-            weight = row_weights[y, k]
-            source = picture[rows[y, k]]
-            for x in range(line.shape[0]):
-                line[x] += weight * source[x]
+        # Sums of four terms in one expression are half as much work as four passes.
+        first, second = picture[rows[y, 0]], picture[rows[y, 1]]
+        third, fourth = picture[rows[y, 2]], picture[rows[y, 3]]
+        w0, w1, w2, w3 = row_weights[y]
+        for x in range(line.shape[0]):
+            line[x] = w0 * first[x] + w1 * second[x] + w2 * third[x] + w3 * fourth[x]
+        shown = out[margin + y]
         for x in range(columns.shape[0]):
+            source, weights = columns[x], column_weights[x]
             total = np.float32(0.0)
             for k in range(4):
-                total += column_weights[x, k] * line[columns[x, k]]
-            out[margin + y, margin + x] = total
+                total += weights[k] * line[np.uint64(source[k])]
+            shown[margin + x] = total
 
 
 @njit(cache=True)
@@ -123,22 +125,23 @@ def pilot_fields_into(
     down, across = out.shape[1], out.shape[2]
     line = np.empty(across + 7, dtype=np.float32)
     for p in range(out.shape[0]):
-        kx, ky = factors[pilots[p, 0]], factors[1 - pilots[p, 0]]
+        a0, a1, a2, a3, a4, a5, a6, a7 = factors[1 - pilots[p, 0]]
+        b0, b1, b2, b3, b4, b5, b6, b7 = factors[pilots[p, 0]]
         x0, y0 = first_x[pilots[p, 2]], first_y[pilots[p, 1]]
         for i in range(down):
-            line[:] = 0.0
-            for k in range(8):
-                weight = ky[k]
-                source = picture[y0 + i + k, x0 : x0 + across + 7]
-                for j in range(line.shape[0]):
-                    line[j] += weight * source[j]
+            # Eight terms in one expression: passes over so short lines would be mostly overhead.
+            y, end = y0 + i, x0 + line.shape[0]
+            s0, s1, s2 = picture[y, x0:end], picture[y + 1, x0:end], picture[y + 2, x0:end]
+            s3, s4, s5 = picture[y + 3, x0:end], picture[y + 4, x0:end], picture[y + 5, x0:end]
+            s6, s7 = picture[y + 6, x0:end], picture[y + 7, x0:end]
+            for j in range(line.shape[0]):
+                upper = a0 * s0[j] + a1 * s1[j] + a2 * s2[j] + a3 * s3[j]
+                line[j] = upper + a4 * s4[j] + a5 * s5[j] + a6 * s6[j] + a7 * s7[j]
             values = out[p, i]
-            values[:] = 0.0
-            for k in range(8):
-                weight = kx[k]
-                part = line[k : k + across]
-                for j in range(across):
-                    values[j] += weight * part[j]
+            for j in range(across):
+                left = b0 * line[j] + b1 * line[j + 1] + b2 * line[j + 2] + b3 * line[j + 3]
+                left += b4 * line[j + 4] + b5 * line[j + 5]
+                values[j] = left + b6 * line[j + 6] + b7 * line[j + 7]
 
 
 @njit(cache=True, inner=True)
@@ -279,15 +282,17 @@ def place_scores_into(
 def crop_score(
     fields: PixelArray, texture: PixelArray, pilots: IntArray, first: PixelArray,
     size: PixelArray, dither: PixelArray, step: float, signs: PixelArray, limits: PixelArray,
-    error: float, crops: FloatArray,
+    error: float, crops: FloatArray, work: PixelArray,
 ) -> float:  # fmt: skip
     """Score of a place in standard deviations of noise, from `pilot_fields_into`.
 
     first : (count, 2), first displacement of each pilot's cell in pixels, across and down; size :
     width and height of the box in pixels, of the margin, and cells across and down; crops : cells
-    that are missing left, right, at the top, at the bottom; others as in `pilot_votes_into`.
+    that are missing left, right, at the top, at the bottom; work : (6, count), overwritten; others
+    as in `pilot_votes_into`.
     """
-    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    zero, one, two, half = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(0.5)
+    three, five = np.float32(3.0), np.float32(5.0)
     unit = one / np.float32(step)
     # A place that is off by `error` pixels weakens the wave by exp(-2 pi^2 error^2 |gradient|^2 /
     # step^2).
@@ -295,45 +300,65 @@ def crop_score(
     cell_x = size[0] / np.float32(size[3] - crops[0] - crops[1])
     cell_y = size[1] / np.float32(size[4] - crops[2] - crops[3])
     left, top = np.float32(crops[0]) - half, np.float32(crops[2]) - half
-    margin = size[2]
-    scale, wide = one / (limits[0, 1] - limits[0, 0]), one / (limits[1, 1] - limits[1, 0])
-    total = squares = np.float32(0.0)
-    column = np.empty(4, dtype=np.float32)
+    margin, right, bottom = size[2], size[0] - np.float32(8.0), size[1] - np.float32(8.0)
+    last_row, last_column = fields.shape[1] - 3, fields.shape[2] - 3
+    places, spreads, seen, mine = work[0], work[1], work[2], work[3]
+    waves, squares = work[4], work[5]
+    # 1. One pilot at a time: its amplitude, and how the field falls and rises around it.
+    count = np.uint64(0)
     for p in range(pilots.shape[0]):
         # Corner of the pilot's cell in this crop; pilots in the cropped part do not count.
-        x = cell_x * (pilots[p, 2] - left) - np.float32(4.0)
-        y = cell_y * (pilots[p, 1] - top) - np.float32(4.0)
-        if x < 0 or y < 0 or x > size[0] - 8 or y > size[1] - 8:
+        x = cell_x * (np.float32(pilots[p, 2]) - left) - np.float32(4.0)
+        y = cell_y * (np.float32(pilots[p, 1]) - top) - np.float32(4.0)
+        if x < 0 or y < 0 or x > right or y > bottom:
             continue
-        seen = texture[np.int64(y + margin) >> 1, np.int64(x + margin) >> 1]
+        seen[count] = texture[np.int64(y + margin) >> 1, np.int64(x + margin) >> 1]
         x += margin - first[p, 0]
         y += margin - first[p, 1]
         i, j = np.int64(y), np.int64(x)
-        if i < 1 or j < 1 or i > fields.shape[1] - 3 or j > fields.shape[2] - 3:
+        if i < 1 or j < 1 or i > last_row or j > last_column:
             continue
         # Catmull-Rom interpolation, along rows and then across them.
         f = x - np.float32(j)
-        w0, w3 = half * f * (f * (2 - f) - 1), half * f * f * (f - 1)
-        w1 = one + half * f * f * (3 * f - 5)
+        w0, w3 = half * f * (f * (two - f) - one), half * f * f * (f - one)
+        w1 = one + half * f * f * (three * f - five)
         w2 = one - w0 - w1 - w3
-        for k in range(4):
-            line = fields[p, i - 1 + k]
-            column[k] = w0 * line[j - 1] + w1 * line[j] + w2 * line[j + 1] + w3 * line[j + 2]
-        f = y - np.float32(i)
-        w0, w3 = half * f * (f * (2 - f) - 1), half * f * f * (f - 1)
-        w1 = one + half * f * f * (3 * f - 5)
-        w2 = one - w0 - w1 - w3
-        value = w0 * column[0] + w1 * column[1] + w2 * column[2] + w3 * column[3]
+        field = fields[p]
+        n0, n1, n2, n3 = np.uint64(j - 1), np.uint64(j), np.uint64(j + 1), np.uint64(j + 2)
+        line = field[i - 1]
+        above = w0 * line[n0] + w1 * line[n1] + w2 * line[n2] + w3 * line[n3]
+        line = field[i]
         # Slope of the field: how much a small error of place would turn the wave.
-        gx, gy = fields[p, i, j + 1] - fields[p, i, j], column[2] - column[1]
-        above = min(max((seen - limits[0, 0]) * scale, zero), one)
-        wider = min(max((seen - limits[1, 0]) * wide, zero), one)
-        wave, weight = lattice_waves(
-            value * unit - dither[p], above, wider, (gx * gx + gy * gy) * reach
-        )
-        total += signs[p] * wave
-        squares += weight * weight
-    return float(abs(total) / np.sqrt(half * squares + np.float32(1e-9)))
+        gx = line[n2] - line[n1]
+        upper = w0 * line[n0] + w1 * line[n1] + w2 * line[n2] + w3 * line[n3]
+        line = field[i + 1]
+        lower = w0 * line[n0] + w1 * line[n1] + w2 * line[n2] + w3 * line[n3]
+        line = field[i + 2]
+        below = w0 * line[n0] + w1 * line[n1] + w2 * line[n2] + w3 * line[n3]
+        gy = lower - upper
+        f = y - np.float32(i)
+        w0, w3 = half * f * (f * (two - f) - one), half * f * f * (f - one)
+        w1 = one + half * f * f * (three * f - five)
+        w2 = one - w0 - w1 - w3
+        value = w0 * above + w1 * upper + w2 * lower + w3 * below
+        places[count] = value * unit - dither[p]
+        spreads[count] = (gx * gx + gy * gy) * reach
+        mine[count] = signs[p]
+        count += np.uint64(1)
+    # 2. All together: their waves.
+    wider_from, widest_from = limits[0, 0], limits[1, 0]
+    scale, wide = one / (limits[0, 1] - wider_from), one / (limits[1, 1] - widest_from)
+    for q in range(np.int64(count)):
+        second = min(max((seen[q] - wider_from) * scale, zero), one)
+        third = min(max((seen[q] - widest_from) * wide, zero), one)
+        wave, weight = lattice_waves(places[q], second, third, spreads[q])
+        waves[q] = mine[q] * wave
+        squares[q] = weight * weight
+    total = power = np.float32(0.0)
+    for q in range(np.int64(count)):
+        total += waves[q]
+        power += squares[q]
+    return float(abs(total) / np.sqrt(half * power + np.float32(1e-9)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -348,9 +373,10 @@ def climb_into(
     (places,), changed.
     """
     trial = np.empty(4)
+    work = np.empty((6, pilots.shape[0]), dtype=np.float32)
     for n in range(crops.shape[0]):
         scores[n] = crop_score(
-            fields, texture, pilots, first, size, dither, step, signs, limits, error, crops[n]
+            fields, texture, pilots, first, size, dither, step, signs, limits, error, crops[n], work
         )
         for _ in range(rounds):
             better = False
@@ -358,8 +384,9 @@ def climb_into(
                 for k in range(4):
                     trial[k] = crops[n, k] + moves[move, k]
                 reached = crop_score(
-                    fields, texture, pilots, first, size, dither, step, signs, limits, error, trial
-                )
+                    fields, texture, pilots, first, size, dither, step, signs, limits, error, trial,
+                    work,
+                )  # fmt: skip
                 if reached > scores[n]:
                     scores[n], better = reached, True
                     for k in range(4):
