@@ -65,7 +65,7 @@ fourteen films without a mark 0 to 58 of 100 looks reach it, 16 in the median.""
 
 HOPE, TRIED = 5.0, 2
 """Least score of a place before its last refinement, and the number of those refined. In those
-films at most a fifth of the looks reach it, but for a talk on a stage, where a third does."""
+films at most 20 of 100 looks reach 4.8 and 12 reach 5.1, but for a talk on a stage: 49 and 28."""
 
 LIKELY, FOUND = 3.8, 6.2
 """Least score, in standard deviations of noise, of a usual place and of any other to be tried.
