@@ -62,7 +62,7 @@ def resample_into(
     """
     line = np.empty(picture.shape[1], dtype=np.float32)
     for y in range(rows.shape[0]):
-        # Sums of four terms in one expression are half as much work as four passes.
+        # One expression of four terms takes a third less time than four passes over the line.
         first, second = picture[rows[y, 0]], picture[rows[y, 1]]
         third, fourth = picture[rows[y, 2]], picture[rows[y, 3]]
         w0, w1, w2, w3 = row_weights[y]

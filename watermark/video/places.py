@@ -106,9 +106,9 @@ class PlaceTable:
         self._heads = np.zeros(looks)
         self._box: Region | None = None
 
-    def leads(self, phase: int, count: int) -> bool:
-        """Whether the best place of a look has one of the `count` greatest sums of all looks."""
-        return bool(self._heads[phase] >= np.sort(self._heads)[-count])
+    def leads(self, phase: int) -> bool:
+        """Whether the best place of no other look has a greater sum."""
+        return bool(self._heads[phase] >= self._heads.max())
 
     def look(
         self, mean: PixelArray, still: PixelArray, half: PixelArray, box: Region, phase: int
