@@ -3,7 +3,7 @@
     python -m tests.bench.picture_false_locks --hours 10 FILM...
 
 Parts of the films, mirrored, shifted in brightness, faster or slower and cut differently, follow
-one another at 640x360. Then soft values without a message, which is what an unmarked picture at
+one another, at 640x360 unless told. Then soft values without a message, which is what an unmarked picture at
 any place gives, go through the decoders of all profiles (--noise). Exit status 1 if anything was
 accepted; --record FILE is for the pages.
 """
@@ -25,7 +25,6 @@ from watermark.video.places import source_taps
 from watermark.video.profile import DATA, LONE, PROFILES
 from watermark.video.receive import VideoReceiver
 
-WIDTH, HEIGHT, FPS = 640, 360, 25
 SCENE = 80  # frames of a scene
 
 
@@ -35,43 +34,51 @@ def main() -> int:
     parser.add_argument("--hours", type=float, default=10.0)
     parser.add_argument("--noise", type=int, default=1_000_000, help="superframes of noise")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--size", default="640x360")
+    parser.add_argument("--fps", type=int, default=25)
     parser.add_argument("--record", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     films = [[luma for _, luma in read_lumas(path)] for path in options.films]
-    receiver = VideoReceiver(WIDTH, HEIGHT, FPS)
+    width, height = map(int, options.size.split("x"))
+    fps = options.fps
+    receiver = VideoReceiver(width, height, fps)
     accepted, frames, used_s = 0, 0, 0.0
-    while frames < options.hours * 3600 * FPS:
-        for luma in scene(films[rng.integers(len(films))], rng):
+    while frames < options.hours * 3600 * fps:
+        for luma in scene(films[rng.integers(len(films))], (height, width), rng):
             began = time.process_time()
             accepted += sum(s.l0 is not None for s in receiver.process(luma))
             used_s += time.process_time() - began
             frames += 1
-        if frames % (60 * FPS) < SCENE:
+        if frames % (60 * fps) < SCENE:
             print(
-                f"{frames / FPS / 3600:.3f} h: {accepted} accepted, "
-                f"{frames / FPS / used_s:.1f} times real time",
+                f"{frames / fps / 3600:.3f} h: {accepted} accepted, "
+                f"{frames / fps / used_s:.1f} times real time",
                 flush=True,
             )
     wrong = noise(options.noise, rng)
     print(f"{options.noise} superframes of noise: {wrong} accepted")
     if options.record:
         row = {
-            "carrier": "picture", "hours": round(frames / FPS / 3600, 2), "accepted": accepted,
-            "times_real_time": round(frames / FPS / used_s, 1),
+            "carrier": "picture", "shown": f"{options.size}p{fps}",
+            "hours": round(frames / fps / 3600, 3), "accepted": accepted,
+            "times_real_time": round(frames / fps / used_s, 1),
             "random": options.noise, "random_accepted": wrong,
         }  # fmt: skip
         folders = [each.parent for each in options.films]
         document = make_record("false_locks", (), [row], seed=options.seed, clips=folders)
         document["command"] = (
             f"python -m tests.bench.picture_false_locks CLIPS --hours {options.hours:g} "
-            f"--noise {options.noise} --seed {options.seed} --record FILE"
+            f"--noise {options.noise} --seed {options.seed} --size {options.size} --fps {fps} "
+            "--record FILE"
         )
         options.record.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return int(accepted + wrong > 0)
 
 
-def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
+def scene(
+    film: list[np.ndarray], shape: tuple[int, int], rng: np.random.Generator
+) -> list[np.ndarray]:
     """Show a part of a film, at another size, mirrored or not, brighter or darker."""
     rows, columns = film[0].shape
     height = int(rows * rng.uniform(0.5, 1))
@@ -79,8 +86,8 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
     top, left = rng.integers(rows - height + 1), rng.integers(columns - width + 1)
     gain, offset = rng.uniform(0.6, 1.1), rng.uniform(-15, 15)
     turn = rng.choice([1, -1], size=2)
-    down = source_taps(HEIGHT, rows, float(top), float(height))
-    across = source_taps(WIDTH, columns, float(left), float(width))
+    down = source_taps(shape[0], rows, float(top), float(height))
+    across = source_taps(shape[1], columns, float(left), float(width))
     place, speed = rng.uniform(0, len(film)), rng.choice([0.0, 0.5, 1.0, 2.0])
     shown: list[NDArray[np.uint8]] = []
     for n in range(SCENE):
@@ -89,7 +96,7 @@ def scene(film: list[np.ndarray], rng: np.random.Generator) -> list[np.ndarray]:
             continue
         luma = film[int(place + n * speed) % len(film)][:: turn[0], :: turn[1]]
         picture = np.ascontiguousarray(luma, dtype=np.float32)
-        out = np.empty((HEIGHT, WIDTH), dtype=np.float32)
+        out = np.empty(shape, dtype=np.float32)
         resample_into(picture, *down, *across, 0, out)
         shown.append(np.clip(gain * out + offset, 16, 235).astype(np.uint8))
     return shown
