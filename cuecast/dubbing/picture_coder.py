@@ -303,7 +303,7 @@ def _usual_channels(
     rates = [USUAL_RATE] if alike else sorted((USUAL_RATE, in_proportion), reverse=True)
     limited: dict[int, int] = {}
     for bps in rates:
-        # Beside any better rate wide steps would be seen.
+        # Wide steps are for what is hard to code at the rate that all share: they can be seen.
         limited.setdefault(_kilobits(bps, most_bps), 2 if bps == USUAL_RATE else 1)
     chain = partial(_chain, width=width, height=height, fps=fps, depth=depth)
     channels = []

@@ -3,9 +3,9 @@
     python -m tests.bench.picture_false_locks --hours 10 FILM...
 
 Parts of the films, mirrored, shifted in brightness, faster or slower and cut differently, follow
-one another, at 640x360 unless told. Then soft values without a message, which is what an unmarked picture at
-any place gives, go through the decoders of all profiles (--noise). Exit status 1 if anything was
-accepted; --record FILE is for the pages.
+one another, at 640x360 unless told. Then soft values without a message, which is what an unmarked
+picture at any place gives, go through the decoders of all profiles (--noise). Exit status 1 if
+anything was accepted; --record FILE is for the pages.
 """
 
 import argparse
