@@ -40,6 +40,7 @@ def test_a_read_only_installation_without_a_home(tmp_path: Path, told: bool) -> 
     tree = tmp_path / "tree"
     for package in PACKAGES:
         shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("*.pyc"))
+    shutil.copytree(ROOT / "spec" / "data", tree / "spec" / "data")
     for folder in [p for p in tree.rglob("__pycache__") if p.is_dir()]:
         shutil.rmtree(folder)
     for folder in [p.parent for p in tree.rglob("*.py")]:
