@@ -326,4 +326,5 @@ def _usual_channels(
 
 
 def _kilobits(bps: float, most_bps: int) -> int:
+    """Return a rate in kbit/s, at most that of the file to be written (0: any)."""
     return max(1, round(min(bps, most_bps or bps) / 1000))
