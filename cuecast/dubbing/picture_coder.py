@@ -26,22 +26,26 @@ from watermark.video.profile import MIN_WIDTH
 from watermark.video.strength_choice import TriedChannel
 
 USUAL_RATE = 2_000_000
-"""Bits per second of the coder without a choice: those of a frugal broadcast of common sizes."""
+"""Bits per second of the coder without a choice: those of a frugal broadcast of 720 lines at 25
+frames per second. Smaller pictures get less, by the square root of their pixels per second, as
+their detail is denser: .98 Mbit/s at 640x360 and 24. There 2 Mbit/s, and .48 at `MOST_PRICE`, lost
+L1 of 8 of 36 superframes of three films through x264 at 1 Mbit/s and of 9 through AV1; .98 loses
+none and 5, and .02 to .14 of VMAF. With .48 at a price beside .98 a rocket lost .2 more."""
 
-USUAL_BITS_PER_PIXEL = USUAL_RATE / (1280 * 720 * 25)
-"""The same for 720 lines: what other sizes get of a broadcast that is frugal in proportion."""
+USUAL_PIXELS = 1280 * 720 * 25
+"""Pixels per second of such a broadcast. Pictures with more have as many bits for each pixel in a
+frugal broadcast, or the same rate in a poor one."""
 
 RATE_ALIKE = 0.8
-"""Part of the one rate from which on the other is not tried beside it: a trial errs by as much."""
+"""Part of `USUAL_PIXELS`, and its inverse, between which the rate is the usual one: a trial errs by
+as much."""
 
 MOST_PRICE = 2.0
 """Price of L1 at the lower of two rates, see `TriedChannel`: three decibels where all moves cost
-alike. At any price, and at least as strong as without a trial, three films at 640x360 had VMAF
-96.4, 97.2 and 98.7 in place of 97.1, 97.7 and 98.9; at any price a street with trees at 994 lines
-had 92.0 in place of 95.7. Through x264 veryfast a gymnast at 720 lines and 60 frames per second
-lost L1 of 9 superframes of 9 where it was not asked for, 5 at a price of 1.6, which cost .2 of
-VMAF, 2 at any price, which cost .9; a desk at 1080 lines lost 7 of 11, 3 for .2, and none for
-1.1."""
+alike. At any price a street with trees at 994 lines had 92.0 in place of 95.7. Through x264
+veryfast a gymnast at 720 lines and 60 frames per second lost L1 of 9 superframes of 9 where it was
+not asked for, 5 at a price of 1.6, which cost .2 of VMAF, 2 at any price, which cost .9; a desk at
+1080 lines lost 7 of 11, 3 for .2, and none for 1.1."""
 
 WITHOUT_COLOUR = 0.85
 """Part of a coder's rate that is left for luma."""
@@ -245,9 +249,10 @@ def picture_channels(
     through : str or None
         See `chains_of`; ``hqdn3d`` in a row is a cleaner of noise. Behind it, and in a row that
         begins with ``l0``, L0 alone has to arrive. ``none`` for no trial. None for H.264 at
-        `USUAL_RATE` and at `USUAL_BITS_PER_PIXEL`, the lower for L1 at `MOST_PRICE` at most; for L0
-        alone H.264 at `USUAL_RATE` behind a cleaner, `USUAL_AV1` unless the picture is small, and
-        MPEG-2 at `SMALL_LINES`; the widest step only for `USUAL_RATE` and `USUAL_AV1`.
+        `USUAL_RATE`, less for fewer pixels per second than `USUAL_PIXELS`; for more also at a
+        higher rate, and at the lower for L1 at `MOST_PRICE` at most. For L0 alone H.264 at
+        `USUAL_RATE` behind a cleaner, `USUAL_AV1` unless the picture is small, and MPEG-2 at
+        `SMALL_LINES`; the widest step only for `USUAL_RATE` and `USUAL_AV1`.
     width, height, fps, depth
         Of the picture.
     most_bps : int
@@ -299,9 +304,11 @@ def _usual_channels(
     width: int, height: int, fps: Fraction, depth: int, most_bps: int
 ) -> list[TriedChannel]:
     """Return the channels without a choice, see `picture_channels`."""
-    in_proportion = USUAL_BITS_PER_PIXEL * width * height * float(fps)
-    alike = RATE_ALIKE < in_proportion / USUAL_RATE < 1 / RATE_ALIKE
-    rates = [USUAL_RATE] if alike else sorted((USUAL_RATE, in_proportion), reverse=True)
+    share = width * height * float(fps) / USUAL_PIXELS
+    if share > 1 / RATE_ALIKE:
+        rates = [share * USUAL_RATE, USUAL_RATE]
+    else:
+        rates = [USUAL_RATE if share > RATE_ALIKE else math.sqrt(share) * USUAL_RATE]
     limited: dict[int, int] = {}
     for bps in rates:
         # Wide steps are for what is hard to code at the rate that all share: they can be seen.

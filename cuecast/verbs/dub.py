@@ -120,9 +120,9 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
         "mpeg2:4000k: the invisible mark is as weak as it allows, rehearsed through it; "
         "alternatives with commas; behind hqdn3d+h264:2000k, a cleaner of noise, or "
         "l0+av1:1000k, the cues arrive but not their details; or none "
-        "(default: h264:2000k and h264 with 0.087 bits per pixel, through the lower of which "
-        "details are given up where they cost much, and for the cues hqdn3d+h264:2000k, "
-        "av1:1600k and mpeg2 at 360 lines)",
+        "(default: h264:2000k, less for pictures below 720 lines, about h264:1000k at 360; above, "
+        "h264 with 0.087 bits per pixel, and details are given up where h264:2000k makes them "
+        "cost much; and for the cues hqdn3d+h264:2000k, av1:1600k and mpeg2 at 360 lines)",
     )
     group.add_argument("--no-grade", action="store_true", help="do not run the quality meter")
     group.add_argument(
