@@ -19,6 +19,7 @@ from codec.errors import CueError
 from cuecast.dubbing.coder_stream import chains_of
 from cuecast.dubbing.denoiser import Denoiser
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
+from cuecast.media.x264 import repeatable_options
 from receiver.media.picture import luma_of
 from watermark.video.coder_windows import PictureCoder
 from watermark.video.design import has_small_cells
@@ -180,7 +181,7 @@ class PictureStream:
 
 
 def _limits(encoder: str, rate: int) -> dict[str, str]:
-    """Return the options that hold a rate over one second, as on air."""
+    """Return the options that hold a rate over one second, as on air, with the same bits."""
     if encoder == SVT_AV1:
         return {"svtav1-params": "lp=1"}
     if encoder == "libx265":
@@ -189,7 +190,8 @@ def _limits(encoder: str, rate: int) -> dict[str, str]:
             "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none:"
             "pools=none:frame-threads=1"
         }
-    return {"maxrate": str(rate), "bufsize": str(rate)}
+    limits = {"maxrate": str(rate), "bufsize": str(rate)}
+    return limits | repeatable_options() if encoder == "libx264" else limits
 
 
 class _SmallPicture:

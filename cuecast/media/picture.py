@@ -22,6 +22,7 @@ from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
+from cuecast.media.x264 import repeatable_options
 from receiver.media.picture import LONGEST_HOLD_S, Luma, PictureDecoder, PictureFormat, luma_of
 from receiver.media.programme import Programme, open_programme, reason
 
@@ -189,6 +190,7 @@ class _PictureWriter:
         # every run.
         if self._encoder.codec.name == "libx264":
             context.thread_count = 1
+            limits |= repeatable_options()
         if self._encoder.codec.name == SVT_AV1:
             limits = {"svtav1-params": "lp=1"}
         if self._encoder.codec.name == "libx265":

@@ -31,6 +31,9 @@ MOVEMENT = (
 )  # fmt: skip
 """(Table 5) Constants of no voice; none is 0 and no two that are times are alike."""
 
+HURRIED = 17
+"""Number of the first superframe where a placement moves late, as the hand reaches it late."""
+
 Case = dict[str, Any]
 
 
@@ -84,15 +87,16 @@ def superframes() -> Iterator[Case]:
         "spoken": lambda: full(rng, 0, 30, 63),
         "filmed": lambda: full(rng, 0, 12, None, 1),
         "compact": lambda: compact(rng, 12),
+        "hurried": lambda: full(random.Random(HURRIED), 0, 30, 63),
     }
     for kind, make in makers.items():
-        for i in range({"spoken": 24, "filmed": 4, "compact": 6}[kind]):
+        for i in range({"spoken": 24, "filmed": 4, "compact": 6, "hurried": 1}[kind]):
             l0 = make()
             while kind == "filmed" and decode(l0, None, BASES, IDENTITY).step != 63:
                 l0 = make()
             yield {
                 "id": f"{kind}-{i}",
-                "section": "S11, S12, P12" if kind == "spoken" else "S11, S12",
+                "section": "S11, S12, P12" if kind in {"spoken", "hurried"} else "S11, S12",
                 "valid": True,
                 "l0": l0.hex(),
                 "l1": "",

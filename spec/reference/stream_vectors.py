@@ -42,6 +42,9 @@ SEEDS = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 16, 18, 30, 31, 48, 54, 72, 116, 12
 AFTERWARDS = 0
 """Number of the first file whose second superframe repeats the labels of the first."""
 
+RESTING = 118
+"""Number of the first filmed file where the hand rests in a pause by the usual gap alone."""
+
 MOVEMENTS = (
     (0.6, 2.5, 0.33, 0.05, 0.35, 0.003, 0.4, 0.4, 0.2, 0.5, 0.15, 0.4, 0.12, 0.5, 0.3, 0.02, -0.04,
      0.03, 0.06, 0.05, 0.15, 0.9, 0.35, 0.4),
@@ -233,6 +236,9 @@ def filmed(coding: str) -> Iterator[tuple[str, bytes]]:
     rng = random.Random(AFTERWARDS)
     parts = [rng.randbytes(30), *(constant(rng, coding, 0, k, 1) for k in (2, 3))]
     yield "drawn-filmed-afterwards", head(32, 96, coding, 24 << 12 | 6) + b"".join(parts)
+    rng = random.Random(RESTING)
+    parts = [constant(rng, coding, 0, 1 + k, 1) for k in range(3)]
+    yield "drawn-filmed-resting", head(32, 96, coding, 24 << 12 | 6) + b"".join(parts)
 
 
 def others(coding: dict[str, Array]) -> Iterator[tuple[str, bytes, dict[str, list[float]]]]:

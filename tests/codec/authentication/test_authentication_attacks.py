@@ -1,5 +1,6 @@
 """A million superframes of forgers, replayers and splicers against a trusting receiver."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 
@@ -19,6 +20,10 @@ ATTACKS = (
     "change", "noise", "replay", "replay of seconds", "tags of others", "run", "field", "drop",
     "swap",
 )  # fmt: skip
+
+
+TOLERATED = math.ceil(Verifier(announced()).tolerance_s / SUPERFRAME_S) + 1
+"""Superframes that pass while a receiver still takes what it gets for late and no more (E24)."""
 
 
 def programme(width: int) -> Iterator[tuple[bytes, int]]:
@@ -42,7 +47,10 @@ def attacked(width: int, rng: np.random.Generator) -> Iterator[Attack]:
         del past[:-20_000]
         kind = ATTACKS[int(rng.integers(len(ATTACKS)))]
         length = 1 if rng.random() < 0.4 else int(rng.integers(1, 3 * LAYOUTS[width].block))
-        begin = int(rng.integers(max(1, len(past) - length)))
+        oldest = len(past) - length - TOLERATED
+        begin = int(rng.integers(max(1, oldest)))
+        if kind == "replay" and oldest < 1:
+            continue
         for step in range(length):
             data, value = next(genuine)
             old_data, old_value = past[min(begin + step, len(past) - 1)]
