@@ -14,6 +14,7 @@ from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.encode import SoundEncoder, SoundTarget
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
+from cuecast.media.x264 import repeatable_options
 from receiver.media.programme import SoundFormat, open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 from synth.language.subtitles.model import Subtitle
@@ -88,7 +89,8 @@ def write_film(
             picture: Any = container.add_stream(picture_codec, rate=picture_rate)
             picture.height, picture.width = first.shape[:2]
             picture.pix_fmt = "yuv420p"
-            picture.options = {"crf": str(crf), "preset": "veryfast"}
+            options = repeatable_options() if picture_codec == "libx264" else {}
+            picture.options = {"crf": str(crf), "preset": "veryfast"} | options
             # One thread: the file is the same on every machine.
             picture.codec_context.thread_count = 1
             sources.append(_pictures(picture, _with(first, pending), picture_rate))
