@@ -91,7 +91,7 @@ def write_film(
             picture.pix_fmt = "yuv420p"
             options = repeatable_options() if picture_codec == "libx264" else {}
             picture.options = {"crf": str(crf), "preset": "veryfast"} | options
-            # One thread: the file is the same on every machine.
+            # One thread: the file is the same with every run.
             picture.codec_context.thread_count = 1
             sources.append(_pictures(picture, _with(first, pending), picture_rate))
         if opening is not None:

@@ -2,7 +2,8 @@
 
 Its AVX-512 code for the macroblock tree reads memory that nobody wrote where a row of macroblocks
 does not fill its registers: a film of 720 pixels a row, 45 macroblocks, had other bits with every
-run, and with other contents of free memory from its first packet on. In AVX2 it had not.
+run, and with other contents of free memory from its first packet on. In AVX2 it had not. Machines
+without AVX2 may still write other bits than those that have it, as the tree is of rounded numbers.
 """
 
 from functools import cache

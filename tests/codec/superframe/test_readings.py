@@ -42,7 +42,7 @@ def reading(name: str) -> Score:
 SHARES = [(7, 0.985), (6, 0.955)]
 """Bytes of a superframe, and the share of keys that have to be right.
 
-The second speaker's dense passages leave 31876 of 32199 at 7 bytes and 30900 at 6, since 2 of the
+The second speaker's dense passages leave 31873 of 32199 at 7 bytes and 30900 at 6, since 2 of the
 56 or 48 bits are the identity's; none of the writer's weights, tried to either side of its own at 7
 bytes, gives more.
 """
