@@ -166,14 +166,21 @@ class TimelineTracker:
             yield Unreadable(on_air_s, self._foreign)
 
     def _believed(self, copy: _Copy) -> list[_Copy]:
-        """Return what may be drawn: on a grid that is doubted only after some proof."""
-        if self._doubted is None or not self._doubted.fits(copy.header, copy.on_air_s):
+        """Return what may be drawn: on a grid that is doubted only after some proof.
+
+        A compact superframe that leaves the grid is doubted as well: one in four of another
+        voice's agrees by chance.
+        """
+        header, grid = copy.header, self._grid
+        if self._doubted is None or not self._doubted.fits(header, copy.on_air_s):
             self._held.clear()
-            return [copy]
-        self._doubted = _Grid(copy.header.sequence, copy.on_air_s, 0.0)
+            goes_on = grid is None or grid.fits(header, copy.on_air_s)
+            if goes_on or header.mode != COMPACT:
+                return [copy]
+        self._doubted = _Grid(header.sequence, copy.on_air_s, 0.0)
         self._held.append(copy)
         places = {self._doubted.index_at(held.on_air_s) for held in self._held}
-        if len(places) * (2 if copy.header.mode == COMPACT else 16) < _PROOF_BITS:
+        if len(places) * (2 if header.mode == COMPACT else 16) < _PROOF_BITS:
             return []
         believed, self._held = self._held, []
         return believed

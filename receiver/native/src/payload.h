@@ -317,7 +317,7 @@ typedef struct cue_slot {
 
 struct cue_payload {
     int with_markers, with_lips;
-    int started, streak, doubt;
+    int started, streak, doubt, away; /* away: bits that agreed, off the grid */
     int32_t last, newest_lost;  /* numbers: of the last that arrived, and of the last known of */
     double last_on_air_s, lead_s;
     uint32_t foreign, other, told_other;

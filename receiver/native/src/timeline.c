@@ -23,7 +23,7 @@ size_t cue_payload_size(const cue_config *config) {
 }
 
 cue_status cue_payload_reset(cue_payload *p) {
-    p->started = p->streak = p->doubt = p->unreadable = 0;
+    p->started = p->streak = p->doubt = p->away = p->unreadable = 0;
     p->last = p->newest_lost = 0;
     p->foreign = 0;
     p->marker_frame = -1;
@@ -317,6 +317,7 @@ static void refuse(cue_payload *p, const uint8_t *l0, size_t n0, cue_rule rule) 
     p->foreign = other;
     p->foreign_sum = sum;
     p->streak = 1;
+    p->away = 0;
     if (!again) return;
     p->doubt = DOUBT;
     if (p->told_other == other) return;
@@ -371,11 +372,15 @@ cue_status cue_payload_put(cue_payload *p, const uint8_t *l0, size_t n0, const u
         refuse(p, l0, n0, *rule);
         return CUE_OK;
     }
+    int agreed = content.mode == 2 ? 2 : 16; /* bits of the identity */
+    int goes_on = fits(p, &content, on_air_s, &number);
     p->streak = 0;
-    if (p->doubt > 0) p->doubt -= content.mode == 2 ? 2 : 16;
-    if (p->doubt > 0) return CUE_OK;
+    p->away = goes_on || !p->started ? 0 : p->away + agreed;
+    if (p->doubt > 0) p->doubt -= agreed;
+    if (p->doubt > 0 || (p->away && p->away < DOUBT)) return CUE_OK;
     p->told_other = 0;
-    if (!fits(p, &content, on_air_s, &number)) { /* a splice, or the first one */
+    p->away = 0;
+    if (!goes_on) { /* a splice, or the first one */
         int32_t least = p->started ? (p->last > p->newest_lost ? p->last : p->newest_lost) + 12 : 64;
         for (int i = 0; i < SLOTS && p->started; i++) read_keys(p, p->slot[i].number, 1);
         number = least + (content.sequence - least % 64 + 64) % 64;

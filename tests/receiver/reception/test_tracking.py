@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from codec.cuer.motion import Motion
+from codec.cuer.voice import Voice
 from codec.cues.score import Phone
 from codec.cues.timeline import SUPERFRAME_S
 from codec.superframe.bits import crc16
@@ -396,18 +397,46 @@ def test_where_others_were_one_superframe_is_proof_enough() -> None:
 
 def test_where_others_were_it_takes_four_compact_ones() -> None:
     """Each tells two bits of the identity; then all four are drawn."""
-    encoder = CompactEncoder(VOICE, l0_bytes=12, first=2)
-    motion = with_phones(MOTION)
-    sent = [(OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(motion, k).l0) for k in range(2, 18)]
     tracker = TimelineTracker(VOICE)
     drawn = []
-    for number, (on_air_s, l0) in enumerate(sent):
+    for number, (on_air_s, l0) in enumerate(compact_superframes(VOICE)):
         given = bytes([*l0[:-1], l0[-1] ^ 1]) if number in (6, 7) else l0
-        events = list(tracker.take(given, None, on_air_s))
-        drawn.append(sum(1 for p in pieces(events).values() if p.layers))
+        drawn.append(drawn_of(tracker, on_air_s, given))
     assert drawn[6:11] == [0] * 5
     assert drawn[11] >= 4
     assert (tracker.received, tracker.lost) == (14, 2)
+
+
+def test_a_compact_stream_that_leaves_the_grid_takes_four_superframes() -> None:
+    """One in four of another voice's agrees by chance, whichever comes first."""
+    ours = compact_superframes(VOICE)
+    away = [(t + 0.3, l0) for t, l0 in ours[6:]]
+    tracker = TimelineTracker(VOICE)
+    drawn = [drawn_of(tracker, t, l0) for t, l0 in [*ours[:6], *away]]
+    assert drawn[6:9] == [0, 0, 0]
+    assert drawn[9] >= 4
+    for seed in range(1, 4):
+        theirs = compact_superframes(make_voice(seed))
+        for first in range(10):
+            tracker = TimelineTracker(VOICE)
+            for t, l0 in ours[:2]:
+                drawn_of(tracker, t, l0)
+            start_s = ours[2][0] + 0.3 - theirs[first][0]
+            shown = [drawn_of(tracker, start_s + t, l0) for t, l0 in theirs[first:]]
+            assert not any(shown)
+
+
+def compact_superframes(voice: Voice) -> list[tuple[float, bytes]]:
+    """Sixteen compact superframes of a voice, with the times at which they are on air."""
+    encoder = CompactEncoder(voice, l0_bytes=12, first=2)
+    motion = with_phones(make_motion(voice, duration_s=16.0))
+    return [(OFFSET_S + 0.64 * k - LEAD_S, encoder.encode(motion, k).l0) for k in range(2, 18)]
+
+
+def drawn_of(tracker: TimelineTracker, on_air_s: float, l0: bytes) -> int:
+    """Superframes drawn of what arrived, once this one has."""
+    found = pieces(list(tracker.take(l0, None, on_air_s)))
+    return sum(1 for piece in found.values() if piece.layers)
 
 
 @pytest.mark.parametrize(("offset_s", "epochs"), [(0.09, 1), (0.11, 2), (-0.09, 1), (-0.11, 2)])
