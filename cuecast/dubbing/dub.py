@@ -30,12 +30,13 @@ from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed_encoder import LIVE_TURNS, TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
-from cuecast.dubbing.coder_stream import USUAL, make_rehearsal
+from cuecast.dubbing.coder_stream import coders_for, is_rehearsed, make_rehearsal
 from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
 from cuecast.dubbing.signing import Signing
+from cuecast.media.encode import SoundTarget
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
 from watermark.audio.signal.profile import STANDARD, AudioProfile, find_profile
@@ -288,9 +289,13 @@ def _dub_sound(
     begins_s: list[float] = []
     profile = find_profile(options.profiles["audio"])
 
-    rehearsal = make_rehearsal(profile, options.key, options.through)
+    is_rehearsed(profile.name, options.through)  # an unknown coder is refused at once
+    coders: list[str] = []
 
-    def make_stage(sound: SoundFormat, start_s: float) -> Stage:
+    def make_stage(sound: SoundFormat, start_s: float, coding: SoundTarget) -> Stage:
+        own = coding.encoder, coding.bit_rate, sound.channels
+        coder = options.through or coders_for(profile.name, *own)
+        coders.append(coder or "none")
         first = max(-LEAD, math.ceil(start_s / SUPERFRAME_S - 1e-6))
         source = superframe_source(
             motion, voice, profile.l0_bytes, profile.l1_bytes, first=first, signing=signing
@@ -305,7 +310,7 @@ def _dub_sound(
                 key=options.key,
                 grade=options.grade,
                 graded=options.graded,
-                rehearsal=rehearsal,
+                rehearsal=make_rehearsal(profile, options.key, coder),
             )
         )
         begins_s.append(max(first * SUPERFRAME_S, start_s))
@@ -336,7 +341,7 @@ def _dub_sound(
         figures["margin"] = margin_figures(
             margins,
             begins_s[0],
-            through=options.through or USUAL[profile.name],
+            through=coders[0],
             profile=profile.name,
             grade=profile.grade if options.grade is None else options.grade,
         )

@@ -227,7 +227,7 @@ def _sound_begins_s(target: str | os.PathLike[str], track: int) -> float:
 def _coded(path: Path, folder: Path, through: str, track: int) -> Path:
     """Write the sound of a programme as it comes through coders in a row."""
     for number, coder in enumerate(chains_of(through)[0]):
-        name, _, rate = coder.partition(":")
+        name, rate = coder.split(":")[:2]
         target = folder / f"channel-{number}.mka"
         rewrite_sound(
             path,

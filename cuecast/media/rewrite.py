@@ -19,7 +19,7 @@ from codec.errors import CueError
 from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
 from cuecast.media.dolby import TELLING, first_settings
-from cuecast.media.encode import SoundEncoder, choose_target, encoder_of, usual_codec
+from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
 from receiver.media.programme import (
     Programme,
     SoundFormat,
@@ -77,7 +77,7 @@ class Rewritten:
 def rewrite_sound(
     source: str | os.PathLike[str],
     target: str | os.PathLike[str],
-    stage: Callable[[SoundFormat, float], Stage],
+    stage: Callable[[SoundFormat, float, SoundTarget], Stage],
     *,
     track: int = 0,
     codec: str | None = None,
@@ -92,8 +92,8 @@ def rewrite_sound(
     source, target : path
         The suffix of `target` names the container.
     stage : callable
-        Called once with the sound's format and the time of its first sample on the programme's
-        clock; gives the stage.
+        Called once with the sound's format, the time of its first sample on the programme's clock
+        and the coding of the output; gives the stage.
     track : int
         Which of the programme's sounds, from 0.
     codec, bit_rate : optional
@@ -146,7 +146,7 @@ class _SoundWriter:
         track = list(programme.container.streams.audio).index(programme.sound)
         if not sound.bit_rate:
             sound = replace(sound, bit_rate=measured_bit_rate(source, track=track))
-        target = choose_target(sound, codec=codec, bit_rate=bit_rate)
+        self._target = target = choose_target(sound, codec=codec, bit_rate=bit_rate)
         self._copies = Copies(programme.container, container)
         for stream in programme.container.streams:
             if stream is programme.sound:
@@ -162,7 +162,9 @@ class _SoundWriter:
         )
 
     def run(
-        self, make_stage: Callable[[SoundFormat, float], Stage], progress: Callable[[float], None]
+        self,
+        make_stage: Callable[[SoundFormat, float, SoundTarget], Stage],
+        progress: Callable[[float], None],
     ) -> Rewritten:
         """Copy, change, encode to the end."""
         stage: Stage | None = None
@@ -170,7 +172,8 @@ class _SoundWriter:
             if packet is None or packet.stream is self._programme.sound:
                 block = self._decoder.process(packet)
                 if stage is None and len(block):
-                    stage = make_stage(self._decoder.format, self._decoder.start_s or 0.0)
+                    start_s = self._decoder.start_s or 0.0
+                    stage = make_stage(self._decoder.format, start_s, self._target)
                 if stage is not None and len(block):
                     self._write_sound(stage.process(block))
                     progress(len(block) / self._decoder.format.fs)

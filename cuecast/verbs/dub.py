@@ -110,8 +110,9 @@ def _add_mark(parser: argparse.ArgumentParser) -> None:
         metavar="CODERS",
         help="the broadcaster's coder, such as aac:64k: the mark is rehearsed through it; "
         "alternatives with commas; a chain as mp2:192k+aac:128k, or as a list that repeats a "
-        "coder (aac:128k,mp3:128k,aac:128k); or none "
-        "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high)",
+        "coder (aac:128k,mp3:128k,aac:128k); aac:64k:mono codes both channels as one; or none "
+        "(default: aac:64k for robust, aac:128k,mp2:192k for standard and high; with them the "
+        "output's own coder below 96 kbit/s for a channel)",
     )
     group.add_argument(
         "--video-through",

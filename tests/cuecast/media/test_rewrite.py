@@ -13,6 +13,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from codec.errors import CueError
+from cuecast.media.encode import SoundTarget
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import rewrite_sound
 from receiver.media.programme import SoundFormat, open_programme
@@ -39,7 +40,7 @@ class Late:
         return self._kept
 
 
-def late(sound: SoundFormat, start_s: float) -> Late:
+def late(sound: SoundFormat, start_s: float, coding: SoundTarget) -> Late:
     return Late(30000)
 
 

@@ -33,10 +33,13 @@ LEARNING_S = 2.0
 LONGEST_DELAY = 8192
 """Greatest delay of a coder in samples."""
 
-RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.5, 0.1, 4.0, 0.1
+RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.536, 0.1, 4.0, 0.1
 """Noise that coders hear first: its length, its deviation, the factor of every third part, and the
 length of a part. A fresh AAC coder of FFmpeg leaves four times the information of one that has run
-for 8 s; after 1.5 s of bursts it is as the latter."""
+for 8 s; after 1.5 s of bursts it is as the latter. The length is whole frames of AAC, MP2, MP3 and
+AC-3: where a programme was in AAC before, AAC with its frames in the same places leaves least, at
+96 kbit/s .4 and at 128 .8 of what it leaves with frames 64 to 896 samples away. In files they are
+in the same places."""
 
 LEAST = 4.0
 """Information below which one measurement does not resolve how little there was, bits."""
