@@ -222,7 +222,9 @@ def is_rehearsed(profile: str, coder: str | None) -> bool:
     return True
 
 
-def make_rehearsal(profile: "AudioProfile", key: int, coder: str | None) -> "CodecLoop | None":
+def make_rehearsal(
+    profile: "AudioProfile", key: int, coder: str | None, skipped: int = 0
+) -> "CodecLoop | None":
     """Prepare the rehearsal of a mark.
 
     Parameters
@@ -233,6 +235,8 @@ def make_rehearsal(profile: "AudioProfile", key: int, coder: str | None) -> "Cod
         Its key.
     coder : str or None
         See `chains_of`; ``none`` for no rehearsal, None for the profile's `USUAL` ones.
+    skipped : int
+        Samples at 48 kHz of the output before the first that is rehearsed.
 
     Raises
     ------
@@ -246,7 +250,7 @@ def make_rehearsal(profile: "AudioProfile", key: int, coder: str | None) -> "Cod
 
     chains = chains_of(coder or USUAL[profile.name])
     names = ["+".join(chain) for chain in chains]
-    return CodecLoop(profile, key, *map(CoderChain, chains), names=names)
+    return CodecLoop(profile, key, *map(CoderChain, chains), names=names, skipped=skipped)
 
 
 def _format_of(encoder: Any) -> str:

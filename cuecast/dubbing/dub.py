@@ -30,7 +30,7 @@ from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed_encoder import LIVE_TURNS, TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
-from cuecast.dubbing.coder_stream import coders_for, is_rehearsed, make_rehearsal
+from cuecast.dubbing.coder_stream import FS, coders_for, is_rehearsed, make_rehearsal
 from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
@@ -301,6 +301,8 @@ def _dub_sound(
             motion, voice, profile.l0_bytes, profile.l1_bytes, first=first, signing=signing
         )
         source = sent.noting("audio", source, first)
+        begins_s.append(max(first * SUPERFRAME_S, start_s))
+        skipped_s = begins_s[0] - start_s
         stages.append(
             MarkingStage(
                 sound,
@@ -310,11 +312,10 @@ def _dub_sound(
                 key=options.key,
                 grade=options.grade,
                 graded=options.graded,
-                rehearsal=make_rehearsal(profile, options.key, coder),
+                rehearsal=make_rehearsal(profile, options.key, coder, round(skipped_s * FS)),
             )
         )
-        begins_s.append(max(first * SUPERFRAME_S, start_s))
-        return _From(stages[-1], round((begins_s[0] - start_s) * sound.fs))
+        return _From(stages[-1], round(skipped_s * sound.fs))
 
     written = rewrite_sound(
         programme,

@@ -36,10 +36,13 @@ LONGEST_DELAY = 8192
 RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.536, 0.1, 4.0, 0.1
 """Noise that coders hear first: its length, its deviation, the factor of every third part, and the
 length of a part. A fresh AAC coder of FFmpeg leaves four times the information of one that has run
-for 8 s; after 1.5 s of bursts it is as the latter. The length is whole frames of AAC, MP2, MP3 and
-AC-3: where a programme was in AAC before, AAC with its frames in the same places leaves least, at
-96 kbit/s .4 and at 128 .8 of what it leaves with frames 64 to 896 samples away. In files they are
-in the same places."""
+for 8 s; after 1.5 s of bursts it is as the latter. Its length is a multiple of `FRAMES`."""
+
+FRAMES = 9216
+"""Samples in which frames of AAC (1024), MP2 and MP3 (1152) and AC-3 (1536) are whole. Where a
+programme was in AAC before, AAC with its frames in the same places leaves least, at 96 kbit/s .4
+and at 128 .8 of what it leaves with frames 64 to 896 samples away; in a file they are in the same
+places."""
 
 LEAST = 4.0
 """Information below which one measurement does not resolve how little there was, bits."""
@@ -150,6 +153,8 @@ class CodecLoop:
         The coders; the one that leaves least of a superframe counts.
     names : sequence of str
         Names of the coders, for reports.
+    skipped : int
+        Samples of the programme before the first that is sent.
 
     Attributes
     ----------
@@ -168,9 +173,15 @@ class CodecLoop:
     """
 
     def __init__(
-        self, profile: AudioProfile, key: int, *through: CodecStream, names: Sequence[str] = ()
+        self,
+        profile: AudioProfile,
+        key: int,
+        *through: CodecStream,
+        names: Sequence[str] = (),
+        skipped: int = 0,
     ) -> None:
         named = [*names, *[""] * (len(through) - len(names))]
+        self._run_in = round(RUN_IN_S * FS) + skipped % FRAMES
         self._ears = [_Ear(coder, name) for coder, name in zip(through, named, strict=True)]
         self._designer = StereoDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
@@ -222,7 +233,7 @@ class CodecLoop:
             Those of each superframe, if known.
         """
         if self.count == 0:
-            run_in = _run_in(2 if side.any() else 1)
+            run_in = _run_in(2 if side.any() else 1, self._run_in)
             self._sent.append(run_in.mean(axis=1))
             self._listen(run_in)
         # Where the side is not marked, the mark is that of mono.
@@ -292,9 +303,9 @@ class CodecLoop:
             self._measured[sent.number] = _Measured(doublings, sent.level, ear.name)
 
 
-def _run_in(channels: int) -> NDArray[np.float64]:
-    """Noise with bursts, shape (n, channels)."""
-    count, part = round(RUN_IN_S * FS), round(RUN_IN_BURST_S * FS)
+def _run_in(channels: int, count: int) -> NDArray[np.float64]:
+    """Noise with bursts, shape (count, channels)."""
+    part = round(RUN_IN_BURST_S * FS)
     bursts = np.where(np.arange(count) // part % 3 == 0, RUN_IN_BURST, 1.0)
     noise = np.random.default_rng(0).normal(0.0, RUN_IN_AMPLITUDE, (count, channels))
     return np.asarray(np.clip(noise * bursts[:, np.newaxis], -1.0, 1.0))
