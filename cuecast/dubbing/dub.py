@@ -162,6 +162,12 @@ def dub(
     carriers: dict[str, dict[str, Any]] = {}
     sound_profile = find_profile(options.profiles["audio"])
     picture = {name: options.profiles[name] for name in options.carriers if name != "audio"}
+    if picture:
+        # The carriers of pictures take a tenth of a second to import.
+        from cuecast.dubbing.pictures import PictureOptions, dub_picture
+        from receiver.media.picture import picture_format
+
+        picture_format(programme)  # before the sound's work is done for nothing
     report: dict[str, Any] = {}
     signing = None if options.sign is None else Signing(options.sign, options.on_air_s)
     seconds: list[float] = []
@@ -179,9 +185,6 @@ def dub(
                 programme, motion, voice, marked, options, sent, signing, progress
             )
         if picture:
-            # The carriers of pictures take a tenth of a second to import.
-            from cuecast.dubbing.pictures import PictureOptions, dub_picture
-
             carriers |= dub_picture(
                 marked,
                 lambda *sizes: superframe_source(

@@ -4,6 +4,7 @@ from fractions import Fraction
 from typing import Any
 
 import av
+from av.stream import Disposition
 
 from receiver.media.programme import reason
 
@@ -54,7 +55,12 @@ class Copies:
     def write(self, packet: Any) -> None:
         """Write a packet of a stream that is copied; others are passed over."""
         copy = self._copies.get(packet.stream.index)
-        if copy is None or (packet.pts is None and packet.dts is None):
+        if copy is None:
+            return
+        if packet.pts is None and packet.dts is None:  # of a stream's end, or a cover
+            if packet.size and Disposition.attached_pic in packet.stream.disposition:
+                packet.stream, packet.pts, packet.dts = copy, 0, 0
+                self._target.mux(packet)
             return
         shift = round(self.shift_s / packet.time_base)
         packet.stream = copy

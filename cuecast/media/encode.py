@@ -188,7 +188,7 @@ class SoundEncoder:
         except (av.FFmpegError, ValueError) as error:
             raise CueError(
                 f"{self.stream.codec_context.name} cannot encode {sound.layout} sound at "
-                f"{sound.fs} Hz: {reason(error)}"
+                f"{sound.fs} Hz: choose another codec with --audio-codec ({reason(error)})"
             ) from error
 
     def process(self, block: NDArray[np.float32], start_s: float) -> Iterator[Any]:

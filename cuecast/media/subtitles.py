@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from av.stream import Disposition
+
 from codec.errors import CueError
 from cuecast.media.tables import PACKET, SYNC, TableReader, synchronised
 from cuecast.media.text_files import Cue, file_of
@@ -110,7 +112,6 @@ def text_tracks(path: str | os.PathLike[str]) -> list[TextTrack]:
         for stream, coding, language in found:
             coding = coding or sniffed.get(stream.index, "")
             if coding or stream.type == "subtitle":
-                role = str(stream.disposition).lower()
                 title = stream.metadata.get("title", "")
                 tracks.append(
                     TextTrack(
@@ -120,8 +121,8 @@ def text_tracks(path: str | os.PathLike[str]) -> list[TextTrack]:
                         language.lower(),
                         title,
                         coding in _NAMES.values(),
-                        "forced" in role or "forced" in title.lower(),
-                        "default" in role,
+                        Disposition.forced in stream.disposition or "forced" in title.lower(),
+                        Disposition.default in stream.disposition,
                     )
                 )
     return tracks

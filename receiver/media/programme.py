@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import av
 import av.logging
 from av.container import InputContainer
+from av.stream import Disposition
 
 from codec.errors import CueError
 
@@ -456,7 +457,7 @@ def _riff_is_cut_short(path: Path) -> bool:
 
 
 def _is_attached_picture(stream: Any) -> bool:
-    return "attached_pic" in str(stream.disposition).lower()
+    return Disposition.attached_pic in stream.disposition
 
 
 def _readable(container: InputContainer) -> list[Any]:

@@ -10,13 +10,14 @@ import av
 import numpy as np
 import pytest
 import soundfile
+from av.stream import Disposition
 from numpy.typing import NDArray
 
 from codec.errors import CueError
 from cuecast.media.encode import SoundTarget
 from cuecast.media.film import write_film
-from cuecast.media.rewrite import rewrite_sound
-from receiver.media.programme import SoundFormat, open_programme
+from cuecast.media.rewrite import Unchanged, rewrite_sound
+from receiver.media.programme import SoundFormat, has_stream, open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 
 FS = 48000
@@ -148,6 +149,39 @@ def test_other_sounds_subtitles_and_labels_are_copied(make_film: Films, tmp_path
     for index in (0, 1, 3):
         assert content(target, index) == content(source, index)
     assert content(target, 2) != content(source, 2)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "encoder"), [(".mp3", "libmp3lame"), (".flac", "flac"), (".mp4", "aac")]
+)
+def test_a_cover_is_no_picture_and_is_copied(tmp_path: Path, suffix: str, encoder: str) -> None:
+    source, target = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    noise = np.random.default_rng(0).normal(0, 0.1, (2, FS)).astype(np.float32)
+    shown = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 99, np.uint8), format="rgb24")
+    cover: Any
+    with av.open(str(source), "w") as out:
+        heard: Any = out.add_stream(encoder, rate=FS)
+        heard.codec_context.layout = "stereo"
+        cover = out.add_stream("mjpeg", rate=25)
+        cover.width = cover.height = 64
+        cover.pix_fmt, cover.disposition = "yuvj420p", Disposition.attached_pic
+        out.mux([*cover.encode(shown), *cover.encode(None)])
+        frame = av.AudioFrame.from_ndarray(noise, "fltp", "stereo")
+        frame.sample_rate = FS
+        cut = av.AudioResampler(heard.codec_context.format, "stereo", FS)
+        for part in cut.resample(frame):
+            out.mux([*heard.encode(part), *heard.encode(None)])
+    with open_programme(source) as programme:
+        assert programme.picture is None
+    assert not has_stream(source, "video")
+    assert rewrite_sound(source, target, lambda *_: Unchanged()).left_out == ()
+    covers = []
+    for path in (source, target):
+        with av.open(str(path)) as container:
+            [stream] = container.streams.video
+            assert stream.disposition == Disposition.attached_pic
+            covers.append(next(bytes(p) for p in container.demux(stream) if p.size))
+    assert covers[0] == covers[1]
 
 
 def add_tracks(film: Path, target: Path) -> None:

@@ -3,7 +3,7 @@
 import gzip
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from av.stream import Disposition
 
 from codec.errors import CueError
 from cuecast.command.cli import main
@@ -69,7 +70,12 @@ def segment(document: bytes, mediatime_s: float, *, packed: bool) -> bytes:
 Packets = list[tuple[float, float, bytes]]
 
 
-def make(path: Path, tracks: list[tuple[str, str, Packets]], shift_s: float = 0.0) -> Path:
+def make(
+    path: Path,
+    tracks: list[tuple[str, str, Packets]],
+    shift_s: float = 0.0,
+    roles: Sequence[Disposition] = (),
+) -> Path:
     """Write six seconds of picture and sound with tracks (coding, language, packets)."""
     sound = make_sound()[0][: 6 * FS].T
     options = {"output_ts_offset": str(shift_s)}
@@ -84,6 +90,8 @@ def make(path: Path, tracks: list[tuple[str, str, Packets]], shift_s: float = 0.
             stream.codec_context.subtitle_header = _HEADER
             stream.metadata["language"] = language
             texts.append(stream)
+        for stream, role in zip(texts, roles, strict=False):
+            stream.disposition = role
         for n in range(150):
             frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), n, np.uint8), format="rgb24")
             frame.pts, frame.time_base = n, Fraction(1, 25)
@@ -208,6 +216,17 @@ def test_choice_of_track(tmp_path: Path) -> None:
         choose_track([], None, "a.MXF")
     with pytest.raises(CueError, match="a: no subtitles in it: give"):
         choose_track([], None, "a")
+
+
+def test_a_forced_track_is_the_last_choice(tmp_path: Path) -> None:
+    """It has the few lines in another language alone; a default one goes first."""
+    tracks = [("subrip", "fre", each(str.encode)) for _ in range(3)]
+    roles = [Disposition.forced, Disposition(0), Disposition.default]
+    found = text_tracks(make(tmp_path / "a.mkv", tracks, roles=roles))
+    assert [(t.forced, t.default) for t in found] == [(True, False), (False, False), (False, True)]
+    assert choose_track(found, None, "a").number == 2
+    assert choose_track(found[:2], None, "a").number == 1
+    assert choose_track(found, "0", "a").number == 0
 
 
 def test_programme_without_subtitles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
