@@ -38,6 +38,7 @@ _PAGE = """<!doctype html>
 
 _STYLE = """body { margin: 0; background: #07080b; }
 cuecast-player { max-width: 177.77vh; margin: auto; }
+cuecast-player video { max-height: 100vh; }
 """
 """A file of its own: a site's policy may forbid style sheets within a page."""
 

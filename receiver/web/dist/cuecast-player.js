@@ -2208,8 +2208,10 @@ class Stage {
   }
 
   /** @param {StageChoice} choice @param {Layout} layout */
-  arrangeText({ captions, ground }, { captions: band, programme, bar, panel, kind }) {
-    Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${programme.top + 8}px`, maxWidth: `${programme.width - 16}px` });
+  arrangeText({ captions, ground, keys: shown }, { captions: band, keys, programme, bar, panel, kind }) {
+    const beside = keys.top > programme.top + 40 || keys.left > programme.left + 176;
+    const top = shown && !beside ? keys.top + keys.height : programme.top;
+    Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${top + 8}px`, maxWidth: `${programme.width - 16}px` });
     if (this.captions) {
       lay(this.captions, band);
       this.captions.hidden = !captions;

@@ -10,6 +10,7 @@ import pytest
 
 from codec.cuer.voice import load_voice
 from codec.streamfile.stream import choose_stream, decode_stream
+from cuecast.media.film import write_film
 from receiver.drawing.avatar_document import avatar_document, read_avatar
 from receiver.foreign.build import foreign_avatar
 from receiver.web.folder import write_folder
@@ -167,3 +168,33 @@ def test_missing_files_are_a_reason(folder: Path, tmp_path: Path) -> None:
             assert await page.evaluate(f"{PLAYER}.reason") == "no-files"
 
     asyncio.run(run())
+
+
+def test_an_upright_film_fits_the_window(tmp_path: Path) -> None:
+    """So do its keys, and the word on reception stands clear of them."""
+    pictures = (np.full((640, 360, 3), 90, np.uint8) for _ in range(50))
+    sound = np.zeros((96_000, 2), np.float32)
+    write_film(tmp_path / "p.mp4", sound, 48_000, bit_rate=128_000, pictures=pictures)
+    write_folder(tmp_path / "p.mp4", tmp_path / "site", load_voice("claire"))
+    boxes = asyncio.run(_boxes(tmp_path / "site"))
+    for left, top, right, bottom in boxes.values():
+        assert 0 <= left < right <= 1280
+        assert 0 <= top < bottom <= 720
+    assert boxes["status"][1] >= boxes["keys"][3]
+
+
+async def _boxes(site: Path) -> dict[str, list[float]]:
+    """Left, top, right and bottom of what the page shows, and where the word would stand."""
+    async with serving(site, []) as address, browse(f"{address}/index.html", 1280, 720) as page:
+        await page.until(f"{PLAYER}?.stage?.layout?.programme.width < 640")
+        found: dict[str, list[float]] = await page.evaluate(
+            f"""(() => {{
+              const {{ layout, status }} = {PLAYER}.stage;
+              const of = (one) => [one.left, one.top, one.left + one.width, one.top + one.height];
+              const word = [status.style.left, status.style.top].map(parseFloat);
+              return {{ video: of(document.querySelector("video").getBoundingClientRect()),
+                        keys: of(layout.keys), cuer: of(layout.cuer),
+                        status: [...word, word[0] + 1, word[1] + 1] }};
+            }})()"""
+        )
+    return found
