@@ -145,15 +145,22 @@ def ruled_motion(pieces: Iterable[Score], cuer: RuledCuer, voice: Voice) -> Iter
     cuer : RuledCuer
     voice : Voice
         What her motion is expressed in.
+
+    Yields
+    ------
+    Motion
+        Windows; the first of a passage has its score.
     """
     at = 0
     for passage in passages(pieces):
         end = round(passage.end_s * cuer.rate_hz)
+        score = passage.score
         while at < end:
             frames = min(_WINDOW, end - at)
             part = cuer.motion(passage.around, at / cuer.rate_hz, frames, voice)
             at += frames
-            yield replace(part, score=passage.score if at == end else Score((), ()))
+            yield replace(part, score=score)
+            score = Score((), ())
 
 
 class ConcatenativeMotion:

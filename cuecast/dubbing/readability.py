@@ -83,7 +83,7 @@ class VisibilityMeter:
         start_s : float
             Time of the first frame, seconds.
         keys : iterable of Key
-            Further keys, in order of time; may come before or after their motion.
+            Further keys, in order of time; none began more than a second before this motion.
         """
         self.add_hand(self._classes.seen_from_head(markers), start_s, keys)
 

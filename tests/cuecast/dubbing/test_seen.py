@@ -6,12 +6,13 @@ import pytest
 from codec.analysis.readability import HELD_S, Shown, classes_of
 from codec.cuer.voice import load_voice
 from codec.cues.score import Key
-from cuecast.dubbing.motions import SynthesisedMotion, whole_motion
+from cuecast.dubbing.motions import SynthesisedMotion, ruled_motion, whole_motion
 from cuecast.dubbing.readability import VisibilityMeter, watched
 from synth.language.subtitles import Subtitle
+from synth.motion.rules.bodiless import ruled_cuer
 from synth.planning.prosody.pace_report import PaceReport
 from synth.planning.prosody.pacing import READABLE
-from synth.planning.scoring.text_score import Reading, score_of_subtitles
+from synth.planning.scoring.text_score import Reading, score_of_subtitles, stream_score
 
 LINES = [
     Subtitle(1.0 + 20.0 * n, 5.0 + 20.0 * n, text, n + 1)
@@ -43,6 +44,22 @@ def test_parts_change_nothing(source: SynthesisedMotion) -> None:
     assert watched(source, voice).figures() == whole.figures()
     assert whole.figures()["keys"] == len(source.score.keys)
     assert whole.figures()["held_share"] == 1.0
+
+
+def test_a_long_text_made_in_passages_is_seen_as_the_whole() -> None:
+    """Passages are longer than what is looked at together; a fifth of the keys stood for 0 ms."""
+    voice, reading = load_voice(), Reading(pace=READABLE)
+    said = "Il a bien soif, dit-elle en riant."
+    lines = [Subtitle(t, t + 2.4, said, n) for n, t in enumerate(np.arange(1.0, 145.0, 3.0), 1)]
+    seen = VisibilityMeter(classes_of(voice), 50.0)
+    for part in ruled_motion(stream_score(lines, reading=reading), ruled_cuer(voice), voice):
+        keys = part.score.keys if part.score else ()
+        seen.add(voice.reconstruct(part.params), part.start_s, keys)
+    score = score_of_subtitles(lines, reading=reading)
+    source = SynthesisedMotion(score, voice)
+    assert seen.figures() == watched(source, voice).figures()
+    assert seen.figures()["keys"] == len(score.keys) > 500
+    assert seen.figures()["three_pictures_share"] == 1.0
 
 
 def test_what_stands_still_for_a_moment_is_told() -> None:
