@@ -5,8 +5,8 @@ embedder rehearses the broadcast. Codecs are those of PyAV.
 """
 
 import re
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import av
@@ -187,16 +187,18 @@ def coders_for(profile: str, encoder: str, bit_rate: int, channels: int) -> str 
     name = next((name for name, own in _ENCODERS.items() if own == encoder), None)
     if usual is None or name is None or channels > 2 or not 0 < bit_rate < FRUGAL * channels:
         return usual
-    others = [coder for coder in usual.split(",") if not coder.startswith(f"{name}:")]
-    rates = [int(coder[len(name) + 1 : -1]) for coder in usual.split(",") if coder not in others]
-    if any(1000 * rate <= bit_rate for rate in rates):
+    coders = usual.split(",")
+    like = next((coder for coder in coders if coder.startswith(f"{name}:")), None)
+    if like is not None and 1000 * int(like[len(name) + 1 : -1]) <= bit_rate:
         return usual
     own = f"{name}:{bit_rate // 1000}k{':mono' if channels == 1 else ''}"
     try:
         CoderStream(own)
     except CueError:  # such as a rate that it does not know at 48 kHz
         return usual
-    return ",".join([own, *others] if rates else [*others, own])
+    if like is None:
+        return f"{usual},{own}"
+    return ",".join(own if coder == like else coder for coder in coders)
 
 
 @cache
@@ -251,6 +253,53 @@ def make_rehearsal(
     chains = chains_of(coder or USUAL[profile.name])
     names = ["+".join(chain) for chain in chains]
     return CodecLoop(profile, key, *map(CoderChain, chains), names=names, skipped=skipped)
+
+
+def make_line_rehearsal(
+    profile: "AudioProfile",
+    key: int,
+    encoder: str,
+    channels: int,
+    bit_rate: Callable[[], int],
+    skipped: int = 0,
+) -> "CodecLoop | None":
+    """Prepare the rehearsal, without a choice of coders, of a line whose rate becomes known later.
+
+    Parameters
+    ----------
+    profile, key, skipped
+        As for `make_rehearsal`.
+    encoder, channels
+        As for `coders_for`. A coder that is none of the profile's usual ones is not heard: whether
+        it is frugal is not known when the rehearsal begins.
+    bit_rate : callable
+        Gives the line's bits per second; called when the first sound is rehearsed.
+    """
+    usual = USUAL.get(profile.name)
+    if usual is None:
+        return None
+    from watermark.audio.embed.codec_loop import CodecLoop
+
+    @cache
+    def chosen() -> list[str]:
+        coders = coders_for(profile.name, encoder, bit_rate(), channels)
+        return (coders or usual).split(",")
+
+    names = usual.split(",")
+    late = [_LateCoder(partial(lambda n: chosen()[n], n)) for n in range(len(names))]
+    return CodecLoop(profile, key, *late, names=names, skipped=skipped)
+
+
+class _LateCoder:
+    """A coder that is chosen when its first sound comes."""
+
+    def __init__(self, choose: Callable[[], str]) -> None:
+        self._choose = choose
+        self._stream: CoderStream | None = None
+
+    def process(self, sound: Samples) -> Samples:
+        self._stream = self._stream or CoderStream(self._choose())
+        return self._stream.process(sound)
 
 
 def _format_of(encoder: Any) -> str:

@@ -14,15 +14,17 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast.dubbing.coder_stream import make_rehearsal
+from cuecast.dubbing.coder_stream import FS as CODER_FS
+from cuecast.dubbing.coder_stream import make_line_rehearsal, make_rehearsal
 from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import framed
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, step, write_pes
 from cuecast.live.signing import LiveSigning
+from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
-from watermark.audio.signal.profile import find_profile
+from watermark.audio.signal.profile import AudioProfile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
 _USUAL_BITS = 64_000
@@ -66,8 +68,8 @@ class SoundRun:
         self._grid_s = start_s + joint / form.fs - first * SUPERFRAME_S
         self._joint, self.rehearsed = joint, rehearsed
         self._ready: list[Samples] = []
-        self._embedder = self._new_embedder(first)
         self._bit_rate, self._per_packet, self._settings = bit_rate, per_packet, settings
+        self._embedder = self._new_embedder(first)
         self._coder: _Coder | None = None
         self._waiting: list[tuple[int, bytes]] = []
 
@@ -111,7 +113,7 @@ class SoundRun:
             first=first,
             signing=self._signing.run(begins_s, first) if self._signing else None,
         )
-        rehearsal = make_rehearsal(profile, options.key, options.through)
+        rehearsal = self._new_rehearsal(profile) if self.rehearsed else None
         return AudioEmbedder(
             self.fs,
             self.channels,
@@ -120,8 +122,20 @@ class SoundRun:
             key=options.key,
             grade=options.grade,
             stretch=options.stretch,
-            rehearsal=rehearsal if self.rehearsed else None,
+            rehearsal=rehearsal,
         )
+
+    def _new_rehearsal(self, profile: AudioProfile) -> CodecLoop | None:
+        """Return the rehearsal on the broadcaster's coder, if it is known, or on this run's own."""
+        options, skipped = self._options, round(self._joint * CODER_FS / self.fs)
+        if options.through is not None:
+            return make_rehearsal(profile, options.key, options.through, skipped)
+        encoder = CODERS[self._kind][1]
+
+        def bit_rate() -> int:
+            return _usual_rate(encoder, self._bit_rate() or _USUAL_BITS)
+
+        return make_line_rehearsal(profile, options.key, encoder, self.channels, bit_rate, skipped)
 
     @property
     def end_s(self) -> float:

@@ -23,7 +23,7 @@ USUAL = "aac:128k,mp2:192k"
         ("aac", 128_000, 2, USUAL),
         ("aac", 127_000, 2, "aac:127k,mp2:192k"),
         ("aac", 64_000, 1, "aac:64k:mono,mp2:192k"),
-        ("mp2", 128_000, 2, "mp2:128k,aac:128k"),
+        ("mp2", 128_000, 2, "aac:128k,mp2:128k"),
         ("mp2", 70_000, 2, USUAL),  # no rate of MP2
         ("libopus", 96_000, 2, "aac:128k,mp2:192k,opus:96k"),
         ("libmp3lame", 320_000, 2, USUAL),

@@ -36,6 +36,12 @@ SECONDS = 9
 def air(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stream with a sound, as FFmpeg writes it, and its subtitles."""
     folder = tmp_path_factory.mktemp("air")
+    write_air(folder, SECONDS, 160_000)
+    return folder
+
+
+def write_air(folder: Path, seconds: int, bit_rate: int) -> None:
+    """Write a.ts, whose sound has this bit rate, and a.srt."""
     sound, subtitles = make_sound()
     (folder / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
     with av.open(str(folder / "a.ts"), "w", format="mpegts") as out:
@@ -43,9 +49,11 @@ def air(tmp_path_factory: pytest.TempPathFactory) -> Path:
         picture.width = picture.height = 64
         picture.pix_fmt = "yuv420p"
         heard: Any = out.add_stream("aac", rate=FS)
-        heard.layout, heard.bit_rate = "stereo", 160_000
-        for n in range(25 * SECONDS):
-            frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), n, np.uint8), format="rgb24")
+        heard.layout, heard.bit_rate = "stereo", bit_rate
+        for n in range(25 * seconds):
+            frame = av.VideoFrame.from_ndarray(
+                np.full((64, 64, 3), n % 256, np.uint8), format="rgb24"
+            )
             frame.pts, frame.time_base = n, Fraction(1, 25)
             out.mux(picture.encode(frame))
             part = np.ascontiguousarray(sound[n * FS // 25 : (n + 1) * FS // 25].T)
@@ -54,7 +62,6 @@ def air(tmp_path_factory: pytest.TempPathFactory) -> Path:
             out.mux(heard.encode(block))
         out.mux(picture.encode(None))
         out.mux(heard.encode(None))
-    return folder
 
 
 def others(path: Path) -> list[bytes]:
@@ -83,6 +90,17 @@ def test_a_file_passes_and_carries(
     wanted = [(k["shape"], k["placement"]) for k in json.loads(capsys.readouterr().out)]
     heard = "".join(str(hash((k["shape"], k["placement"]))) for k in found["keys"][:8])
     assert heard in "".join(map(str, map(hash, wanted)))
+
+
+def test_a_frugal_line_keeps_its_cuer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rehearsed on the usual coders alone, 10 of 19 superframes arrived."""
+    write_air(tmp_path, 12, 96_000)
+    names = [str(tmp_path / name) for name in ("a.ts", "b.ts", "a.srt")]
+    assert main(["playout", *names[:2], "--subtitles", names[2]]) == 0
+    capsys.readouterr()
+    assert main(["receive", names[1], "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["superframes"]["received"] >= 15
 
 
 def test_usage(air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
