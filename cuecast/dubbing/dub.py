@@ -36,7 +36,7 @@ from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
 from cuecast.dubbing.signing import Signing
-from cuecast.media.encode import SoundTarget
+from cuecast.media.encode import SoundTarget, encoder_of
 from cuecast.media.rewrite import Stage, rewrite_sound
 from receiver.media.programme import SoundFormat
 from watermark.audio.signal.profile import STANDARD, AudioProfile, find_profile
@@ -47,6 +47,12 @@ LEAD = 2
 
 FRAMES = 32
 """Frames of motion in a superframe."""
+
+OFF_LATTICE = 1
+"""Samples of 21 us that a sound is later than before where its codec is that of the programme:
+with frames in the same places a coder rounds back to the values that the programme was coded with,
+and the mark away. Of the information in a film's sound in AAC at 96 kbit/s .71 of what is needed
+was left, and 1.4 to 1.6 with frames 1 to 32 samples away."""
 
 assert FRAMES / RATE_HZ == SUPERFRAME_S
 
@@ -306,6 +312,7 @@ def _dub_sound(
         source = sent.noting("audio", source, first)
         begins_s.append(max(first * SUPERFRAME_S, start_s))
         skipped_s = begins_s[0] - start_s
+        late = OFF_LATTICE if coding.bit_rate and encoder_of(sound.codec) == coding.encoder else 0
         stages.append(
             MarkingStage(
                 sound,
@@ -315,10 +322,10 @@ def _dub_sound(
                 key=options.key,
                 grade=options.grade,
                 graded=options.graded,
-                rehearsal=make_rehearsal(profile, options.key, coder, round(skipped_s * FS)),
+                rehearsal=make_rehearsal(profile, options.key, coder, round(skipped_s * FS) + late),
             )
         )
-        return _From(stages[-1], round(skipped_s * sound.fs))
+        return _From(stages[-1], round(skipped_s * sound.fs), late)
 
     written = rewrite_sound(
         programme,
@@ -427,15 +434,20 @@ def _window(motion: MotionSource, index: int) -> Motion:
 
 
 class _From:
-    """A stage that begins its work after some samples, which pass unchanged."""
+    """A stage that begins its work after some samples, which pass unchanged.
 
-    def __init__(self, stage: Stage, samples: int) -> None:
-        self._stage, self._left = stage, max(0, samples)
+    The first sample comes out `late` times more.
+    """
+
+    def __init__(self, stage: Stage, samples: int, late: int = 0) -> None:
+        self._stage, self._left, self._late = stage, max(0, samples), late
 
     def process(self, block: Samples) -> Samples:
+        again = np.repeat(block[:1], self._late, axis=0)
+        self._late -= len(again)
         passed, block = block[: self._left], block[self._left :]
         self._left -= len(passed)
-        return np.concatenate([passed, self._stage.process(block)]) if len(block) else passed
+        return np.concatenate([again, passed, self._stage.process(block)])
 
     def flush(self) -> Samples:
         return self._stage.flush()

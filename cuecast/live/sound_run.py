@@ -16,7 +16,7 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import FS as CODER_FS
 from cuecast.dubbing.coder_stream import make_line_rehearsal, make_rehearsal
-from cuecast.dubbing.dub import superframe_source
+from cuecast.dubbing.dub import OFF_LATTICE, superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import framed
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
@@ -127,7 +127,8 @@ class SoundRun:
 
     def _new_rehearsal(self, profile: AudioProfile) -> CodecLoop | None:
         """Return the rehearsal on the broadcaster's coder, if it is known, or on this run's own."""
-        options, skipped = self._options, round(self._joint * CODER_FS / self.fs)
+        options = self._options
+        skipped = round(self._joint * CODER_FS / self.fs) + OFF_LATTICE
         if options.through is not None:
             return make_rehearsal(profile, options.key, options.through, skipped)
         encoder = CODERS[self._kind][1]
@@ -195,7 +196,11 @@ class SoundRun:
 
 
 class _Coder:
-    """Encoder of one run; frames come out with the number of their first sample."""
+    """Encoder of one run; frames come out with the number of their first sample.
+
+    The first sample is coded once more, and the last is not: with frames in the same places a coder
+    rounds back to the values that came in, see `cuecast.dubbing.dub.OFF_LATTICE`.
+    """
 
     def __init__(
         self, kind: str, fs: int, layout: str, bit_rate: int, settings: dict[str, str]
@@ -217,6 +222,8 @@ class _Coder:
         self._count = 0
 
     def process(self, samples: Samples) -> list[tuple[int, bytes]]:
+        if not self._count and not len(self._held):
+            samples = np.concatenate([np.repeat(samples[:1], OFF_LATTICE, axis=0), samples])
         self._held = np.concatenate([self._held, samples])
         out: list[tuple[int, bytes]] = []
         while len(self._held) >= self.frame_size:
@@ -225,7 +232,8 @@ class _Coder:
         return out
 
     def flush(self) -> list[tuple[int, bytes]]:
-        out = self._encode(self._held) if len(self._held) else []
+        rest = self._held[: len(self._held) - OFF_LATTICE]
+        out = self._encode(rest) if len(rest) else []
         try:
             return out + [(p.pts, bytes(p)) for p in self._coder.encode(None)]
         except (av.FFmpegError, ValueError):

@@ -41,8 +41,8 @@ for 8 s; after 1.5 s of bursts it is as the latter. Its length is a multiple of 
 FRAMES = 9216
 """Samples in which frames of AAC (1024), MP2 and MP3 (1152) and AC-3 (1536) are whole. Where a
 programme was in AAC before, AAC with its frames in the same places leaves least, at 96 kbit/s .4
-and at 128 .8 of what it leaves with frames 64 to 896 samples away; in a file they are in the same
-places."""
+and at 128 .8 of what it leaves with frames a sample away or more: it rounds back to the values that
+the programme was coded with."""
 
 LEAST = 4.0
 """Information below which one measurement does not resolve how little there was, bits."""
