@@ -20,6 +20,7 @@ DRAWINGS = RECORDS.parent / "figures"
 _ELSEWHERE = {
     "day_of_sound": "tests.bench.day_of_sound",
     "false_locks": "tests.bench.false_locks",
+    "frugal_sound": "tests.bench.frugal_sound",
     "fuzz": "tests.fuzz.night",
     "mutation": "tests.mutation",
     "picture_peers": "tests.bench.picture_peers",
