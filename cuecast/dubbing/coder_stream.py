@@ -37,8 +37,8 @@ USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k
 
 FRUGAL = 96_000
 """Bits per second and channel below which a rehearsal hears the output's own coder. On the usual
-ones alone 193 of 276 superframes of four clips arrived in AAC and MP3 at 96 kbit/s in stereo and
-AAC at 64 in mono, none of a pop song's in MP3; on their own 274."""
+ones alone 296 of 391 superframes of five clips arrive below it, none of a pop song's in MP3 at 96
+kbit/s; on their own 378 (`python -m tests.bench.frugal_sound`)."""
 
 LONGEST_CHAIN = 4
 """Coders in a row: their delays add up, and the rehearsal looks for 8192 samples."""
