@@ -159,7 +159,8 @@ def coders_for(profile: str, encoder: str, bit_rate: int, channels: int) -> str 
     """Return the coders that a mark is rehearsed on without a choice, in an output of this kind.
 
     To the profile's `USUAL` ones comes the output's own where it leaves less, in place of one that
-    is the same but for its rate.
+    is the same but for its rate. Of more than two channels, each has the same share of the rate but
+    a sixth and eighth one, which are taken for bass, and two are rehearsed.
 
     Parameters
     ----------
@@ -182,16 +183,23 @@ def coders_for(profile: str, encoder: str, bit_rate: int, channels: int) -> str 
     ('aac:96k,mp2:192k', 'aac:128k,mp2:192k')
     >>> coders_for("standard", "libmp3lame", 64_000, 1)
     'aac:128k,mp2:192k,mp3:64k:mono'
+    >>> coders_for("standard", "aac", 192_000, 6)
+    'aac:76k,mp2:192k'
     """
     usual = USUAL.get(profile)
     name = next((name for name, own in _ENCODERS.items() if own == encoder), None)
-    if usual is None or name is None or channels > 2 or not 0 < bit_rate < FRUGAL * channels:
+    if usual is None or name is None:
+        return usual
+    full = channels - (channels in (6, 8))
+    if full > 2:
+        bit_rate, full = bit_rate * 2 // full, 2
+    if not 0 < bit_rate < FRUGAL * full:
         return usual
     coders = usual.split(",")
     like = next((coder for coder in coders if coder.startswith(f"{name}:")), None)
     if like is not None and 1000 * int(like[len(name) + 1 : -1]) <= bit_rate:
         return usual
-    own = f"{name}:{bit_rate // 1000}k{':mono' if channels == 1 else ''}"
+    own = f"{name}:{bit_rate // 1000}k{':mono' if full == 1 else ''}"
     try:
         CoderStream(own)
     except CueError:  # such as a rate that it does not know at 48 kHz

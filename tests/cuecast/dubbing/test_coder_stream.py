@@ -28,7 +28,9 @@ USUAL = "aac:128k,mp2:192k"
         ("mp2", 70_000, 2, USUAL),  # no rate of MP2
         ("libopus", 96_000, 2, "aac:128k,mp2:192k,opus:96k"),
         ("libmp3lame", 320_000, 2, USUAL),
-        ("ac3", 384_000, 6, USUAL),
+        ("ac3", 640_000, 6, USUAL),
+        ("ac3", 384_000, 6, "aac:128k,mp2:192k,ac3:153k"),
+        ("aac", 192_000, 6, "aac:76k,mp2:192k"),
         ("vorbis", 96_000, 2, USUAL),
     ],
 )
