@@ -447,7 +447,8 @@ class _From:
         self._late -= len(again)
         passed, block = block[: self._left], block[self._left :]
         self._left -= len(passed)
-        return np.concatenate([again, passed, self._stage.process(block)])
+        marked = [self._stage.process(block)] if len(block) else []
+        return np.concatenate([again, passed, *marked])
 
     def flush(self) -> Samples:
         return self._stage.flush()

@@ -37,7 +37,7 @@ _WRITER_OPTIONS = {
 
 
 class Stage(Protocol):
-    """What changes the sound: as many samples come out as went in, later."""
+    """What changes the sound: its samples come out later, changed, none of them left out."""
 
     def process(self, block: NDArray[np.float32]) -> NDArray[np.float32]:
         """Take and give samples of shape (n, channels)."""
