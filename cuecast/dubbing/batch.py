@@ -60,8 +60,11 @@ def run_task(task: Task) -> dict[str, Any]:
         record, made = BatchItem(task).run(work)
     except BusyError:
         return _row(task, _BUSY)
-    except (CueError, OSError) as error:
+    except CueError as error:
         return _row(task, "failed", str(error))
+    except OSError as error:
+        named = error.filename and error.strerror
+        return _row(task, "failed", f"{error.filename}: {error.strerror}" if named else str(error))
     except Exception as error:  # what nobody foresaw is this programme's, not the batch's
         return _row(task, "failed", f"{type(error).__name__}: {error}")
     return _row(task, "done" if made else "done before", record=record) | {

@@ -311,6 +311,12 @@ def test_unforeseen_error_is_its_programme_s(tmp_path: Path) -> None:
     assert row["error"].startswith("AttributeError: ")
 
 
+def test_a_missing_programme_is_named(tmp_path: Path) -> None:
+    row = run_task(Task(str(tmp_path / "none.mp4"), str(tmp_path / "out.mp4")))
+    assert row["status"] == "failed"
+    assert row["error"] == f"{tmp_path / 'none.mp4'}: No such file or directory"
+
+
 def test_dask_scheduler(
     catalogue: Path,
     tmp_path: Path,
