@@ -30,7 +30,7 @@ from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed_encoder import LIVE_TURNS, TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
-from cuecast.dubbing.coder_stream import FS, coders_for, is_rehearsed, make_rehearsal
+from cuecast.dubbing.coder_stream import FRAME_SHIFT, FS, coders_for, is_rehearsed, make_rehearsal
 from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
@@ -47,12 +47,6 @@ LEAD = 2
 
 FRAMES = 32
 """Frames of motion in a superframe."""
-
-OFF_LATTICE = 1
-"""Samples of 21 us that a sound is later than before where its codec is that of the programme:
-with frames in the same places a coder rounds back to the values that the programme was coded with,
-and the mark away. Of the information in a film's sound in AAC at 96 kbit/s .71 of what is needed
-was left, and 1.4 to 1.6 with frames 1 to 32 samples away."""
 
 assert FRAMES / RATE_HZ == SUPERFRAME_S
 
@@ -312,7 +306,7 @@ def _dub_sound(
         source = sent.noting("audio", source, first)
         begins_s.append(max(first * SUPERFRAME_S, start_s))
         skipped_s = begins_s[0] - start_s
-        late = OFF_LATTICE if coding.bit_rate and encoder_of(sound.codec) == coding.encoder else 0
+        late = FRAME_SHIFT if coding.bit_rate and encoder_of(sound.codec) == coding.encoder else 0
         stages.append(
             MarkingStage(
                 sound,

@@ -14,9 +14,9 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
+from cuecast.dubbing.coder_stream import FRAME_SHIFT, make_line_rehearsal, make_rehearsal
 from cuecast.dubbing.coder_stream import FS as CODER_FS
-from cuecast.dubbing.coder_stream import make_line_rehearsal, make_rehearsal
-from cuecast.dubbing.dub import OFF_LATTICE, superframe_source
+from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
 from cuecast.live.frames import framed
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
@@ -128,7 +128,7 @@ class SoundRun:
     def _new_rehearsal(self, profile: AudioProfile) -> CodecLoop | None:
         """Return the rehearsal on the broadcaster's coder, if it is known, or on this run's own."""
         options = self._options
-        skipped = round(self._joint * CODER_FS / self.fs) + OFF_LATTICE
+        skipped = round(self._joint * CODER_FS / self.fs) + FRAME_SHIFT
         if options.through is not None:
             return make_rehearsal(profile, options.key, options.through, skipped)
         encoder = CODERS[self._kind][1]
@@ -199,7 +199,7 @@ class _Coder:
     """Encoder of one run; frames come out with the number of their first sample.
 
     The first sample is coded once more, and the last is not: with frames in the same places a coder
-    rounds back to the values that came in, see `cuecast.dubbing.dub.OFF_LATTICE`.
+    rounds back to the values that came in, see `FRAME_SHIFT`.
     """
 
     def __init__(
@@ -223,7 +223,7 @@ class _Coder:
 
     def process(self, samples: Samples) -> list[tuple[int, bytes]]:
         if not self._count and not len(self._held):
-            samples = np.concatenate([np.repeat(samples[:1], OFF_LATTICE, axis=0), samples])
+            samples = np.concatenate([np.repeat(samples[:1], FRAME_SHIFT, axis=0), samples])
         self._held = np.concatenate([self._held, samples])
         out: list[tuple[int, bytes]] = []
         while len(self._held) >= self.frame_size:
@@ -232,7 +232,7 @@ class _Coder:
         return out
 
     def flush(self) -> list[tuple[int, bytes]]:
-        rest = self._held[: len(self._held) - OFF_LATTICE]
+        rest = self._held[: len(self._held) - FRAME_SHIFT]
         out = self._encode(rest) if len(rest) else []
         try:
             return out + [(p.pts, bytes(p)) for p in self._coder.encode(None)]

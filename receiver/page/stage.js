@@ -73,6 +73,7 @@ export class Stage {
 
   /** @param {StageChoice} choice @param {Layout} layout */
   arrangeText({ captions, ground, keys: shown }, { captions: band, keys, programme, bar, panel, kind }) {
+    // The word on reception takes the picture's upper left corner, 176 by 40 pixels, or stands below the keys.
     const beside = keys.top > programme.top + 40 || keys.left > programme.left + 176;
     const top = shown && !beside ? keys.top + keys.height : programme.top;
     Object.assign(this.status.style, { left: `${programme.left + 8}px`, top: `${top + 8}px`, maxWidth: `${programme.width - 16}px` });

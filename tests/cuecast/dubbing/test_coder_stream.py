@@ -12,7 +12,7 @@ from cuecast.demo.run import as_srt
 from cuecast.dubbing.coder_stream import CoderStream, coders_for
 from cuecast.media.film import write_film
 from receiver.media.sound import read_sound
-from watermark.audio.embed.codec_loop import FRAMES, RUN_IN_S
+from watermark.audio.embed.codec_loop import RUN_IN_S, WHOLE_FRAMES
 
 USUAL = "aac:128k,mp2:192k"
 
@@ -57,8 +57,8 @@ def test_a_mono_coder_hears_the_middle() -> None:
 @pytest.mark.parametrize("samples", [1024, 1152, 1536])
 def test_coders_have_their_frames_in_the_programmes_places(samples: int) -> None:
     """Of AAC, MP2 and MP3, AC-3: an output's frames begin with its first sample."""
-    assert FRAMES % samples == 0
-    assert round(RUN_IN_S * FS) % FRAMES == 0
+    assert WHOLE_FRAMES % samples == 0
+    assert round(RUN_IN_S * FS) % WHOLE_FRAMES == 0
 
 
 @pytest.mark.long(6)

@@ -36,9 +36,9 @@ LONGEST_DELAY = 8192
 RUN_IN_S, RUN_IN_AMPLITUDE, RUN_IN_BURST, RUN_IN_BURST_S = 1.536, 0.1, 4.0, 0.1
 """Noise that coders hear first: its length, its deviation, the factor of every third part, and the
 length of a part. A fresh AAC coder of FFmpeg leaves four times the information of one that has run
-for 8 s; after 1.5 s of bursts it is as the latter. Its length is a multiple of `FRAMES`."""
+for 8 s; after 1.5 s of bursts it is as the latter. Its length is a multiple of `WHOLE_FRAMES`."""
 
-FRAMES = 9216
+WHOLE_FRAMES = 9216
 """Samples in which frames of AAC (1024), MP2 and MP3 (1152) and AC-3 (1536) are whole. Where a
 programme was in AAC before, AAC with its frames in the same places leaves least, at 96 kbit/s .4
 and at 128 .8 of what it leaves with frames a sample away or more: it rounds back to the values that
@@ -181,7 +181,7 @@ class CodecLoop:
         skipped: int = 0,
     ) -> None:
         named = [*names, *[""] * (len(through) - len(names))]
-        self._run_in = round(RUN_IN_S * FS) + skipped % FRAMES
+        self._run_in = round(RUN_IN_S * FS) + skipped % WHOLE_FRAMES
         self._ears = [_Ear(coder, name) for coder, name in zip(through, named, strict=True)]
         self._designer = StereoDesigner(profile, key)
         self._demodulator = Demodulator(profile, key)
