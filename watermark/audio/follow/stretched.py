@@ -117,8 +117,9 @@ class StretchedFollower:
     ) -> list[ReceivedSuperframe]:
         """Lock onto the superframe after one that was read as usual, if that is in pieces.
 
-        It is read briefly, as far as the purse pays. Whole sound can be read in pieces as well: it
-        is in pieces only where fewer bits are wrong so than `usual`, read at the track in vain.
+        It is read briefly, as far as the purse pays. Whole sound can be read in pieces as well, and
+        better than `usual`, read at the track in vain, at a level that may be wrong: it is in
+        pieces only where the wrong bits of `usual` are nearer to chance than to those in pieces.
         """
         self._demodulator, purse = track.demodulator, self._reader.purse
         # Look for pieces around the place where the next superframe would begin at each tempo.
@@ -140,7 +141,8 @@ class StretchedFollower:
             read = self._pieces.brief(paths, place.levels, first, [], tempo)
             if read is not None:
                 sent = track.demodulator.expected(read.reading.decoded)
-                if np.sum(usual.soft * sent < 0) <= np.sum(read.reading.soft * sent < 0):
+                wrong, left = (int(np.sum(each.soft * sent < 0)) for each in (usual, read.reading))
+                if wrong - left <= np.count_nonzero(sent) / 2 - wrong:
                     return []
                 self._place = place
                 place.learn(read.reading.level, read.places, tempo)
