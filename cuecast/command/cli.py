@@ -150,7 +150,10 @@ def one_line(error: BaseException) -> str:
 
 @contextmanager
 def _termination_as_interrupt() -> Iterator[None]:
-    """Turn SIGTERM into KeyboardInterrupt, so that unfinished files are removed."""
+    """Turn SIGTERM, and SIGHUP of a terminal that closes, into KeyboardInterrupt.
+
+    So unfinished files are removed. Ignored signals stay ignored, as under nohup.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -158,11 +161,17 @@ def _termination_as_interrupt() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    named = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    before = {
+        number: signal.signal(number, interrupt)
+        for number in named
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN
+    }
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _TellVersion(argparse.Action):

@@ -7,6 +7,7 @@ whoever runs the batch gives it out again.
 
 import importlib
 import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -123,7 +124,11 @@ def _serve(pipe: Connection, work: Work) -> None:
     """Work on the tasks from a pipe until it is closed."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the batch ends its workers itself
+    # The batch ends its workers itself, by SIGTERM; what they hold is given back.
+    for name in ("SIGINT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     while True:
         try:
             task = pipe.recv()

@@ -125,7 +125,9 @@ def _absolute(path: str | None) -> str:
 @contextmanager
 def _stopping(playout: Playout) -> Iterator[None]:
     """Let the programme run out on the first signal to stop; end at once on the second."""
-    numbers = signal.SIGTERM, signal.SIGINT
+    numbers = [signal.SIGTERM, signal.SIGINT]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # of a terminal that closes
+        numbers.append(signal.SIGHUP)
 
     def stop(number: int, frame: Any) -> None:
         log("stopping: what was taken in goes out")

@@ -63,7 +63,8 @@ def serve(
     """Work on messages until the playout is gone, and any that could go on in its place."""
     import signal
 
-    for number in (signal.SIGINT, signal.SIGTERM):  # the playout has them, and ends this
+    # The playout has them, and ends this.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     Settings.listener = CompilationNotes()
     channel = Channel(line)

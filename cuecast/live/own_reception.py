@@ -287,7 +287,8 @@ def _receive(key: int, through: str | None, packets: Any, results: Any) -> None:
 
     from cuecast.live.own_receiver import OwnReceiver
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):  # of the terminal, for the playout
+        signal.signal(number, signal.SIG_IGN)
     os.nice(_NICENESS)
     parent, count = os.getppid(), 0
     receiver = OwnReceiver(key, through)

@@ -258,8 +258,9 @@ class Inheritance:
 
         A playout that makes no round for longer than `patience_s` is ended.
         """
-        before = [signal.signal(signal.SIGINT, signal.SIG_IGN)]
-        before.append(signal.signal(signal.SIGTERM, signal.SIG_DFL))
+        usual = {signal.SIGTERM: signal.SIG_DFL}
+        usual |= dict.fromkeys((signal.SIGINT, signal.SIGHUP), signal.SIG_IGN)
+        before = {number: signal.signal(number, handler) for number, handler in usual.items()}
         self._line.send(_READY)
         begun, pulse, moved_s = False, -1, time.monotonic()
         looked_s = moved_s
@@ -285,7 +286,7 @@ class Inheritance:
                 for kind, data in self.ring.read() if begun else ():
                     playout.replay(kind, data)
         finally:
-            for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            for number, handler in before.items():
                 signal.signal(number, handler)
         if message == _OVER or not begun:
             return False

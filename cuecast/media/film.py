@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from codec.files.whole import whole_file
 from cuecast.media.encode import SoundEncoder, SoundTarget
+from cuecast.media.output import open_output
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
 from cuecast.media.x264 import repeatable_options
 from receiver.media.programme import SoundFormat, open_programme
@@ -80,10 +80,7 @@ def write_film(
     first = next(pending, None)
     blocks = iter(_cut(sound) if isinstance(sound, np.ndarray) else sound or ())
     opening = next(blocks, None)
-    with (
-        whole_file(path) as temporary,
-        av.open(f"file:{temporary}", "w", options=_options(path)) as container,
-    ):
+    with open_output(path, _options(path)) as container:
         sources: list[Iterator[Timed]] = []
         if first is not None:
             picture: Any = container.add_stream(picture_codec, rate=picture_rate)

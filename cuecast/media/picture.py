@@ -19,12 +19,12 @@ from av.sidedata.sidedata import Type as SideDataType
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.output import open_output
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from cuecast.media.x264 import repeatable_options
 from receiver.media.picture import LONGEST_HOLD_S, Luma, PictureDecoder, PictureFormat, luma_of
-from receiver.media.programme import Programme, open_programme, reason
+from receiver.media.programme import Programme, open_programme
 
 _ENCODERS = {
     "h264": "libx264",
@@ -111,21 +111,18 @@ def rewrite_picture(
         If there is no picture, the programme is damaged as a whole, or the output cannot be
         written. No output is left behind then.
     """
-    with open_programme(source) as programme, whole_file(target) as temporary:
+    with open_programme(source) as programme:
         decoder = PictureDecoder(programme, fps=fps)
         form = decoder.format
-        try:
-            with av.open(f"file:{temporary}", "w") as output:
-                writer = _PictureWriter(programme, decoder, output, _encoder(form, codec))
-                writer.be_like(_first_frame(source))
-                rate = bit_rate or _measured_bit_rate(source, form)
-                writer.configure(rate, gop, size or (form.width, form.height), preset)
-                frames = None if duration_s is None else round(duration_s * form.fps)
-                for line in writer.left_out:
-                    tell(line)
-                writer.run(list(make_stages(form)), frames, progress)
-        except (av.FFmpegError, ValueError) as error:
-            raise CueError(f"{target}: cannot write: {reason(error)}") from error
+        with open_output(target) as output:
+            writer = _PictureWriter(programme, decoder, output, _encoder(form, codec))
+            writer.be_like(_first_frame(source))
+            rate = bit_rate or _measured_bit_rate(source, form)
+            writer.configure(rate, gop, size or (form.width, form.height), preset)
+            frames = None if duration_s is None else round(duration_s * form.fps)
+            for line in writer.left_out:
+                tell(line)
+            writer.run(list(make_stages(form)), frames, progress)
     return replace(form, bit_rate=rate)
 
 

@@ -10,30 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import av
 import numpy as np
 from av.container import OutputContainer
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from codec.files.whole import whole_file
 from cuecast.media.copying import Copies, copy_labels
 from cuecast.media.dolby import TELLING, first_settings
 from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
-from receiver.media.programme import (
-    Programme,
-    SoundFormat,
-    measured_bit_rate,
-    open_programme,
-    reason,
-)
+from cuecast.media.output import open_output
+from receiver.media.programme import Programme, SoundFormat, measured_bit_rate, open_programme
 from receiver.media.sound import SoundDecoder
-
-_WRITER_OPTIONS = {
-    ".ts": {"max_delay": "700000"},  # decoders need the clock reference ahead of the pictures
-    ".wav": {"rf64": "auto"},  # beyond 4 GiB
-}
-"""Options that the writer of a container needs, by suffix."""
 
 
 class Stage(Protocol):
@@ -112,19 +99,10 @@ def rewrite_sound(
     """
     if _same_file(source, target):
         raise CueError(f"{target}: the output would overwrite the programme")
-    with open_programme(source, track=track) as programme, whole_file(target) as temporary:
-        try:
-            options = _WRITER_OPTIONS.get(Path(target).suffix.lower(), {})
-            container = av.open(f"file:{temporary}", "w", container_options=options)
-        except (av.FFmpegError, ValueError) as error:
-            raise CueError(f"{target}: cannot write: {reason(error)}") from error
-        with container:
-            wanted = codec or usual_codec(programme.format, Path(target).suffix)
-            writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone)
-            try:
-                return writer.run(stage, progress)
-            except av.FFmpegError as error:
-                raise CueError(f"{target}: cannot write: {reason(error)}") from error
+    with open_programme(source, track=track) as programme, open_output(target) as container:
+        wanted = codec or usual_codec(programme.format, Path(target).suffix)
+        writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone)
+        return writer.run(stage, progress)
 
 
 class _SoundWriter:

@@ -1,6 +1,7 @@
 """The command line's manners: pages, exit statuses, one-line errors."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -80,6 +81,29 @@ def test_error_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -
 def test_debug_shows_a_trace(capsys: pytest.CaptureFixture[str], argv: list[str]) -> None:
     assert main(argv) == 3
     assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("number", "ignored", "status"),
+    [(signal.SIGTERM, False, 130), (signal.SIGHUP, False, 130), (signal.SIGHUP, True, 0)],
+)
+def test_a_closed_terminal_leaves_no_files(
+    tmp_path: Path, number: signal.Signals, ignored: bool, status: int
+) -> None:
+    text, out = " ".join(["Bonjour, voici les nouvelles de ce soir."] * 40), tmp_path / "a.npz"
+    code = (
+        "import os, signal, sys; from unittest import mock; from pathlib import Path;"
+        "from cuecast.command.cli import main;"
+        f"{ignored} and signal.signal(signal.SIGHUP, signal.SIG_IGN);"
+        "replace = Path.replace;"
+        f"kill = lambda *a: (os.kill(os.getpid(), {int(number)}), replace(*a));"
+        "mock.patch.object(Path, 'replace', kill).start(); sys.exit(main(sys.argv[1:]))"
+    )
+    arguments = ["synth", text, "-o", str(out)]
+    run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    assert run.returncode == status, run.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"] * ignored
+    assert ("interrupted" in run.stderr) is not ignored
 
 
 def test_whole_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:

@@ -191,7 +191,7 @@ def run_command(*given: str) -> "subprocess.Popen[bytes]":
 
 
 @pytest.mark.parametrize("mode", ["--text", "--motion", "programme"])
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_it_gracefully_while_a_pipe_is_open(
     mode: str, number: signal.Signals
 ) -> None:

@@ -1,6 +1,8 @@
 """Programmes written again: what is copied stays the same, what is changed stays in step."""
 
 import hashlib
+import resource
+import signal
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -256,6 +258,19 @@ class Broken(Late):
 def test_interrupt_leaves_nothing(make_film: Films, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         rewrite_sound(make_film(".mp4", "aac", 128000), tmp_path / "out.mp4", lambda *_: Broken(0))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="no limits of files")
+def test_a_full_disk_names_the_output(make_film: Films, tmp_path: Path) -> None:
+    """The last part is written when the container is closed."""
+    film, limits = make_film(".mp4", "aac", 128000), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (film.stat().st_size // 2, limits[1]))
+    try:
+        with pytest.raises(CueError, match=r"out\.mp4: cannot write: File too large"):
+            rewrite_sound(film, tmp_path / "out.mp4", late)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert list(tmp_path.iterdir()) == []
 
 
