@@ -266,6 +266,16 @@ static void print_hex(const char *name, const uint8_t *bytes, int count) {
     printf("\"");
 }
 
+/* Samples with the lowest byte first in the byte order of this machine, where they stand. */
+static void to_own_order(float *samples, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        uint8_t b[4];
+        memcpy(b, samples + i, sizeof b);
+        uint32_t word = b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
+        memcpy(samples + i, &word, sizeof word);
+    }
+}
+
 /* Superframes of raw float32 samples in a file, by the public interface alone. */
 static void do_sound(void) {
     static float samples[4800 * CUE_MOST_CHANNELS];
@@ -282,6 +292,7 @@ static void do_sound(void) {
     if (cue && cue_init(cue, bytes, &config) == CUE_OK) {
         do {
             frames = fread(samples, width, 4800, in);
+            to_own_order(samples, frames * config.channels);
             if ((frames ? cue_push(cue, samples, frames) : cue_flush(cue)) != CUE_OK) break;
             while (cue_next(cue, &event) == CUE_OK) {
                 const cue_superframe *s = &event.of.superframe;

@@ -5,7 +5,7 @@
  *             [--trust PUBLIC.json [--tolerance S] [--utc S]]
  *
  * --utc is the time at which the first sample arrives, seconds since 1970. With --file a stream file is read in place of sound.
- * Numbers are little-endian, channels interleaved. The last line is the diagnosis. Exit: 0 events
+ * Samples are in the machine's byte order, channels interleaved. The last line is the diagnosis. Exit: 0 events
  * were found, 1 none, 2 wrong usage, 3 malformed voice or file. A tool of the host's side: it may allocate.
  */
 #include <inttypes.h>
