@@ -231,6 +231,23 @@ def positive(text: str) -> float:
     return value
 
 
+def aspect(text: str) -> float:
+    """Read a ratio of two sides such as ``16/9`` or ``16:9``, or their quotient.
+
+    Examples
+    --------
+    >>> aspect("4:3") == aspect("4/3") == 4 / 3, aspect("1.85")
+    (True, 1.85)
+    """
+    width, slash, height = text.replace(":", "/").partition("/")
+    try:
+        return positive(str(positive(width) / positive(height))) if slash else positive(width)
+    except (ValueError, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(
+            f"{text} is no ratio such as 16/9, 16:9 or 1.778"
+        ) from None
+
+
 def seconds(text: str) -> float:
     """Read a finite number of seconds of either sign."""
     value = float(text)

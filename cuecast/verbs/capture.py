@@ -16,7 +16,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from cuecast.command.arguments import add_json, add_voice, positive, print_json
+from cuecast.command.arguments import add_json, add_voice, aspect, positive, print_json
 from cuecast.command.files import PIPE, write_json
 from cuecast.command.progress import note, seconds_bar
 
@@ -83,7 +83,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--frame-rate", type=positive, metavar="HZ", help="of frames that are numbered, not timed"
     )
     landmarks.add_argument(
-        "--aspect", type=positive, metavar="W/H", help="width of the picture over its height"
+        "--aspect",
+        type=aspect,
+        metavar="W/H",
+        help="width of the picture over its height, such as 16/9",
     )
     landmarks.add_argument(
         "--tracker", metavar="PYTHON", help="of an environment with MediaPipe 0.10.21, for a video"
