@@ -1,6 +1,7 @@
 """The parser of the command line: help that fits a screen and a half, and help with everything."""
 
 import argparse
+import difflib
 import textwrap
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -60,6 +61,17 @@ class Parser(argparse.ArgumentParser):
         if self.format_all().count("\n") <= LONGEST_PAGE:
             return super().format_usage()
         return self._usage().format_help()
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Read a command line; a verb itself refuses unknown words, with its own usage."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            name = unknown[0].partition("=")[0]
+            known = [one for action in self._actions for one in action.option_strings]
+            near = difflib.get_close_matches(name, known, 1) if name.startswith("-") else []
+            hint = "".join(f"; {one} is known" for one in near)
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Refuse a command line."""

@@ -60,6 +60,23 @@ def test_wrong_usage(argv: list[str], capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize(
+    ("line", "end"),
+    [
+        ("dub a.mp4 -o b.mp4 --subtitels s.srt", "--subtitels s.srt; --subtitles is known"),
+        ("decode a.cue -o b.npz --subtitles=x", "--subtitles=x"),
+        ("decode a.cue b.npz -o c.npz", "b.npz"),
+    ],
+)
+def test_a_verb_refuses_with_its_own_usage(
+    line: str, end: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line.split()) == 2
+    lines, verb = capsys.readouterr().err.splitlines(), line.split()[0]
+    assert lines[0].startswith(f"usage: cuecast {verb} ")
+    assert lines[-1] == f"cuecast {verb}: error: unrecognized arguments: {end}"
+
+
 def test_help_needs_no_numbers() -> None:
     """``cuecast --help`` answers at once because it loads none of the heavy libraries."""
     code = (

@@ -21,7 +21,7 @@ MACHINES = {
     "riscv64-linux-gnu": "qemu-riscv64",
     "s390x-linux-gnu": "qemu-s390x",
 }
-"""Machines by their compilers' prefixes, and who plays them: words of 32 bits, registers of 80 bits
+"""Machines by their compilers' prefixes, and their players: words of 32 bits, registers of 80 bits
 for fractions, the highest byte first (MIPS, s390x)."""
 
 
