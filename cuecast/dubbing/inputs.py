@@ -126,13 +126,15 @@ def subtitles_of(
     terms: "Terms",
     *,
     stream_s: float | None = None,
+    player_s: float = 0.0,
     length_s: float | None = None,
     left_out: "LeftOutNotes | None" = None,
 ) -> "list[Subtitle]":
     """Return the subtitles of a file, or of the standard input for ``-``.
 
-    `stream_s` is the MPEG-2 time at which their programme begins, `length_s` how long it is, if
-    they have one. Skipped parts of the file go to `left_out`, or else are reported at once.
+    `stream_s` is the MPEG-2 time at which a player begins with their programme, `player_s` how
+    much later the programme's clock begins, `length_s` how long it is, if they have one. Skipped
+    parts of the file go to `left_out`, or else are reported at once.
     """
     from synth.language.subtitles import read_subtitles
     from synth.language.subtitles.read import LARGEST_BYTES, parse_subtitles
@@ -142,13 +144,19 @@ def subtitles_of(
         found = parse_subtitles(
             read_bytes(PIPE, LARGEST_BYTES + 1),
             stream_s=stream_s,
+            player_s=player_s,
             length_s=length_s,
             terms=terms,
             left_out=told,
         )
     else:
         found = read_subtitles(
-            path, stream_s=stream_s, length_s=length_s, terms=terms, left_out=told
+            path,
+            stream_s=stream_s,
+            player_s=player_s,
+            length_s=length_s,
+            terms=terms,
+            left_out=told,
         )
     if left_out is None:
         told.say()

@@ -236,10 +236,11 @@ def _motion(
     reading = job.reading
     with open_programme(job.programme, track=job.options.track) as programme:
         # Elsewhere the times of packets have nothing to do with those of MPEG-2.
-        stream_s = programme.origin_s if programme.container.format.name == "mpegts" else None
-        length_s = programme.duration_s
+        player_s, length_s = programme.player_s, programme.duration_s
+        begin_s = programme.origin_s - player_s
+        stream_s = begin_s if programme.container.format.name == "mpegts" else None
     left_out = LeftOutNotes()
-    subtitles = _subtitles(job, stream_s, length_s, left_out)
+    subtitles = _subtitles(job, stream_s, player_s, length_s, left_out)
     left_out.say()
     unknown = unknown_report(subtitles, reading)
     if unknown:
@@ -296,12 +297,21 @@ def _source(job: DubJob, score: Score, voice: Voice) -> MotionSource:
 
 
 def _subtitles(
-    job: DubJob, stream_s: float | None, length_s: float | None, left_out: LeftOutNotes
+    job: DubJob,
+    stream_s: float | None,
+    player_s: float,
+    length_s: float | None,
+    left_out: LeftOutNotes,
 ) -> list[Subtitle]:
     """Return the subtitles, from a file or from the programme itself."""
     if job.subtitles is not None:
         return subtitles_of(
-            job.subtitles, job.terms, stream_s=stream_s, length_s=length_s, left_out=left_out
+            job.subtitles,
+            job.terms,
+            stream_s=stream_s,
+            player_s=player_s,
+            length_s=length_s,
+            left_out=left_out,
         )
     track = choose_track(text_tracks(job.programme), job.subtitle_track, job.programme)
     note(f"subtitle track {track}")

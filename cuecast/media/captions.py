@@ -15,10 +15,11 @@ Bonjour
 import html
 import os
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from codec.errors import CueError
-from cuecast.media.subtitles import choose_track, read_track, text_tracks
+from cuecast.media.subtitles import choose_track, player_s_of, read_track, text_tracks
 from receiver.television.packed import Captions
 from synth.language.subtitles import Subtitle, read_subtitles
 from synth.language.subtitles.read import Terms
@@ -64,6 +65,10 @@ def captions_of(
         found = read_track(programme, track, terms=_ALL)
     except CueError:  # an empty or damaged track does not keep the programme off
         return None
+    later_s = player_s_of(programme)
+    found = [
+        replace(one, start_s=one.start_s + later_s, end_s=one.end_s + later_s) for one in found
+    ]
     return Captions(webvtt(found), _SHORT.get(track.language, track.language) or "fr")
 
 

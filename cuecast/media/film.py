@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from codec.errors import CueError
 from cuecast.media.encode import SoundEncoder, SoundTarget
 from cuecast.media.output import open_output
-from cuecast.media.subtitles import choose_track, read_track, text_tracks
+from cuecast.media.subtitles import choose_track, player_s_of, read_track, text_tracks
 from cuecast.media.x264 import repeatable_options
 from receiver.media.programme import SoundFormat, open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
@@ -252,7 +252,8 @@ def captions_of(
         If a file or track that was asked for cannot be read.
     """
     if subtitles is not None:
-        found = read_subtitles(os.fspath(subtitles), terms=_SHOWN)
+        player_s = 0.0 if programme is None else player_s_of(programme)
+        found = read_subtitles(os.fspath(subtitles), player_s=player_s, terms=_SHOWN)
     elif programme is not None and (track is not None or _has_text(programme)):
         chosen = choose_track(text_tracks(programme), track, os.fspath(programme))
         found = read_track(programme, chosen, terms=_SHOWN)

@@ -171,6 +171,12 @@ def _is_mxf(name: str) -> bool:
     return name.lower().endswith(".mxf")
 
 
+def player_s_of(path: str | os.PathLike[str]) -> float:
+    """Return the time of a programme's clock's zero on the clock of a player, seconds."""
+    with open_programme(path) as programme:
+        return programme.player_s
+
+
 def read_track(
     path: str | os.PathLike[str],
     track: TextTrack,

@@ -78,6 +78,7 @@ def read_subtitles(
     path: str | Path,
     *,
     stream_s: float | None = None,
+    player_s: float = 0.0,
     length_s: float | None = None,
     terms: Terms = USUAL,
     left_out: OnLeftOut = lambda item: None,
@@ -88,7 +89,7 @@ def read_subtitles(
     ----------
     path : path
         The format follows from the content, not from the name.
-    stream_s, length_s, terms, left_out
+    stream_s, player_s, length_s, terms, left_out
         As in `parse_subtitles`.
 
     Returns
@@ -120,7 +121,12 @@ def read_subtitles(
         raise CueError(f"{path}: cannot read subtitles: {error.strerror}") from error
     try:
         return parse_subtitles(
-            data, stream_s=stream_s, length_s=length_s, terms=terms, left_out=left_out
+            data,
+            stream_s=stream_s,
+            player_s=player_s,
+            length_s=length_s,
+            terms=terms,
+            left_out=left_out,
         )
     except CueError as error:
         raise CueError(f"{path}: {error}") from error
@@ -130,6 +136,7 @@ def parse_subtitles(
     data: bytes,
     *,
     stream_s: float | None = None,
+    player_s: float = 0.0,
     length_s: float | None = None,
     terms: Terms = USUAL,
     left_out: OnLeftOut = lambda item: None,
@@ -141,6 +148,9 @@ def parse_subtitles(
     data : bytes
     stream_s : float, optional
         As in `synth.language.subtitles.vtt.read_vtt`.
+    player_s : float
+        Time of the programme's clock's zero on the clock of a player. The file counts on that, as
+        players show it, unless it has time codes: those count from the first picture.
     length_s : float, optional
         Length of the programme, where it is known.
     terms : Terms
@@ -167,10 +177,12 @@ def parse_subtitles(
     if not found:
         raise findings.none_left(1)
     found = _whole(found, findings)
+    begin_s = 0.0
     if terms.offset_s is None:
-        found = _moved(found, -programme_start_s(found, findings, length_s), findings)
-    else:
-        found = _moved(found, terms.offset_s, findings)
+        begin_s = programme_start_s(found, findings, length_s)
+    if not begin_s and findings.start_s is None:
+        begin_s = player_s
+    found = _moved(found, (terms.offset_s or 0.0) - begin_s, findings)
     return _kept(found, findings, terms, left_out)
 
 

@@ -33,7 +33,7 @@ def read_vtt(text: str, findings: Findings, *, stream_s: float | None = None) ->
     findings : Findings
         Receives blocks that cannot be read.
     stream_s : float, optional
-        MPEG-2 time of the programme's clock's zero in seconds: the header's X-TIMESTAMP-MAP
+        MPEG-2 time of the zero of a player's clock in seconds: the header's X-TIMESTAMP-MAP
         (RFC 8216, section 3.5) then moves the subtitles; what ends before the programme starts is
         left out. Without it times are those of the file itself.
 
@@ -101,7 +101,7 @@ def _line_of(error: CueError, number: int) -> int:
 
 
 def _moved_s(lines: list[str], stream_s: float) -> float:
-    """Return how much later on the programme's clock the subtitles are than they say."""
+    """Return how much later on a player's clock the subtitles are than they say."""
     for number, line in enumerate(lines, 1):
         if not line.strip():
             break

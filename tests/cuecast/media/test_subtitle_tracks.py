@@ -75,8 +75,12 @@ def make(
     tracks: list[tuple[str, str, Packets]],
     shift_s: float = 0.0,
     roles: Sequence[Disposition] = (),
+    late_s: float = 0.0,
 ) -> Path:
-    """Write six seconds of picture and sound with tracks (coding, language, packets)."""
+    """Write six seconds of picture and sound with tracks (coding, language, packets).
+
+    The picture begins `late_s` after the sound.
+    """
     sound = make_sound()[0][: 6 * FS].T
     options = {"output_ts_offset": str(shift_s)}
     with av.open(str(path), "w", options=options) as out:
@@ -94,7 +98,7 @@ def make(
             stream.disposition = role
         for n in range(150):
             frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), n, np.uint8), format="rgb24")
-            frame.pts, frame.time_base = n, Fraction(1, 25)
+            frame.pts, frame.time_base = n + round(25 * late_s), Fraction(1, 25)
             out.mux(picture.encode(frame))
         for start in range(0, sound.shape[1], 1024):
             block = sound[:, start : start + 1024]
@@ -154,16 +158,17 @@ def test_document_in_mp4(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "late_s"),
     [
-        "mov_text",
-        pytest.param("subrip", marks=pytest.mark.slow),
-        pytest.param("ts segments", marks=pytest.mark.slow),
+        ("mov_text", 0.0),
+        ("mov_text", 1.2),
+        pytest.param("subrip", 0.0, marks=pytest.mark.slow),
+        pytest.param("ts segments", 0.0, marks=pytest.mark.slow),
     ],
 )
-def test_keys_are_those_of_the_file(tmp_path: Path, name: str) -> None:
+def test_keys_are_those_of_the_file(tmp_path: Path, name: str, late_s: float) -> None:
     suffix, coding, packets = CARRIED[name]
-    film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)])
+    film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)], late_s=late_s)
     (tmp_path / "a.srt").write_text(SRT, encoding="utf-8")
     keys = []
     for target, given in (("one", []), ("two", ["--subtitles", str(tmp_path / "a.srt")])):
@@ -284,3 +289,19 @@ def test_a_file_beside_goes_first(tmp_path: Path) -> None:
     path = tmp_path / "a.srt"
     path.write_text(SRT, encoding="utf-8")
     assert [s.text for s in read_subtitles(path)] == [text for _, _, text in LINES]
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.4])
+def test_captions_are_on_the_clock_of_players(tmp_path: Path, late_s: float) -> None:
+    """Players count from the container's start, which is that of a sound before the picture."""
+    suffix, coding, packets = CARRIED["mov_text"]
+    film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)], late_s=late_s)
+    captions = captions_of(film)
+    assert captions is not None
+    shown = parse_subtitles(captions.data)
+    assert [(s.start_s, s.end_s, s.text) for s in shown] == LINES
+    # Time codes count from the first picture.
+    coded = SRT.replace("00:00:", "10:00:").encode()
+    for data, begin_s in ((SRT.encode(), late_s), (coded, 0.0)):
+        found = parse_subtitles(data, player_s=late_s)
+        assert found[-1].start_s == pytest.approx(LINES[-1][0] - begin_s)
