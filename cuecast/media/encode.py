@@ -1,7 +1,7 @@
 """Samples become packets of a sound stream in an output container."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -29,10 +29,14 @@ _CODED_BITS = {"flac": 24, "alac": 24}
 
 
 _LOSSLESS = {"flac", "alac", "wavpack", "tta", "ape", "truehd", "mlp"}
-_WAV = "pcm_u8 pcm_s16le pcm_s24le pcm_s32le pcm_f32le pcm_f64le pcm_alaw pcm_mulaw"
+_COARSE = {"pcm_u8", "pcm_s8"}
+"""Sounds with 256 even steps: rounding to them took away all superframes of a quiet talk."""
+
+_WAV = "pcm_s16le pcm_s24le pcm_s32le pcm_f32le pcm_f64le pcm_alaw pcm_mulaw"
+
 _HOLDS = {
     ".wav .w64 .rf64": (_WAV, "pcm_le"),
-    ".aif .aiff .aifc": ("pcm_s8 pcm_s16be pcm_s24be pcm_s32be", "pcm_be"),
+    ".aif .aiff .aifc": ("pcm_s16be pcm_s24be pcm_s32be", "pcm_be"),
     ".flac": ("flac", "flac"),
     ".mp3": ("libmp3lame", "libmp3lame"),
     ".mp2": ("mp2", "mp2"),
@@ -59,12 +63,16 @@ class SoundTarget:
 def usual_codec(sound: SoundFormat, suffix: str) -> str:
     """Return the codec for a sound in a file with this suffix: its own where that is usual there.
 
+    Sound with 256 even steps gets 16 bits a sample.
+
     Examples
     --------
     >>> flac = SoundFormat("flac", 48000, 2, "stereo", "s16", 0)
     >>> usual_codec(flac, ".wav"), usual_codec(flac, ".mkv"), usual_codec(flac, ".ts")
     ('pcm_s16le', 'flac', 'aac')
     """
+    if sound.codec in _COARSE:
+        sound = replace(sound, codec="pcm_s16le")
     for suffixes, (held, usual) in _HOLDS.items():
         if suffix.lower() not in suffixes.split() or encoder_of(sound.codec) in held.split():
             continue
@@ -164,7 +172,7 @@ class SoundEncoder:
         width = 8 * av.AudioFormat(self._format).bytes
         self._bits = min(width, _CODED_BITS.get(target.encoder, width))
         if target.encoder.startswith("pcm_"):
-            self._bits = int("".join(c for c in target.encoder if c.isdigit()))
+            self._bits = int("".join(c for c in target.encoder if c.isdigit()) or width)
         context.layout = sound.layout
         context.format = self._format
         context.options = settings or {}

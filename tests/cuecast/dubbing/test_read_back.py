@@ -177,10 +177,34 @@ def test_the_container_decides_the_codec(folder: Path, run: Run, tmp_path: Path)
         ("flac", "s16", ".mp3", "libmp3lame"),
         ("mp2float", "fltp", ".ts", "mp2float"),
         ("flac", "s16", ".mkv", "flac"),
+        ("pcm_u8", "u8", ".wav", "pcm_s16le"),
+        ("pcm_s8", "u8p", ".aiff", "pcm_s16be"),
+        ("pcm_u8", "u8", ".mkv", "pcm_s16le"),
+        ("pcm_mulaw", "s16", ".wav", "pcm_mulaw"),
     ],
 )
 def test_usual_codecs(codec: str, form: str, suffix: str, wanted: str) -> None:
     assert usual_codec(SoundFormat(codec, 48000, 2, "stereo", form, 0), suffix) == wanted
+
+
+def test_logarithmic_sound_keeps_its_cuer(folder: Path, run: Run, tmp_path: Path) -> None:
+    status, report, _ = run(folder / "a.flac", "b.wav", "--audio-codec", "pcm_mulaw")
+    assert status == 0
+    assert soundfile.info(tmp_path / "b.wav").subtype == "ULAW"
+    keys = report["read_back"]["keys"]
+    assert keys["received"] == keys["sent"] > 0
+
+
+def test_sound_of_a_telephone_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = tmp_path / "a.wav", tmp_path / "b.wav"
+    soundfile.write(source, np.zeros(8000), 8000, "ULAW")
+    (tmp_path / "a.srt").write_text("1\n00:00:00,100 --> 00:00:00,900\nOui.\n", encoding="utf-8")
+    given = ["--subtitles", str(tmp_path / "a.srt"), "-o", str(target)]
+    assert main(["dub", str(source), *given]) == 3
+    assert "sound of 8000 Hz cannot carry a cuer" in capsys.readouterr().err.splitlines()[-1]
+    assert not target.exists()
 
 
 def test_colours_chapters_and_attachments_stay(tmp_path: Path) -> None:
