@@ -10,12 +10,15 @@ its first whole superframe.
 
 import math
 import os
+import re
 import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,9 +39,9 @@ from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
 from cuecast.dubbing.read_back import Sent, earlier_marks, read_back, true_psnr_db
 from cuecast.dubbing.signing import Signing
-from cuecast.media.encode import SoundTarget, encoder_of
+from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
 from cuecast.media.rewrite import Stage, rewrite_sound
-from receiver.media.programme import SoundFormat
+from receiver.media.programme import SoundFormat, open_programme
 from watermark.audio.signal.profile import STANDARD, AudioProfile, find_profile
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -165,6 +168,7 @@ def dub(
     if picture:
         # The carriers of pictures take a tenth of a second to import.
         from cuecast.dubbing.pictures import PictureOptions, dub_picture
+        from cuecast.media.picture import keeps_picture
         from receiver.media.picture import picture_format
 
         picture_format(programme)  # before the sound's work is done for nothing
@@ -177,12 +181,19 @@ def dub(
         seconds.append(length_s)
         progress(length_s)
 
-    with tempfile.TemporaryDirectory(prefix=".cuecast-", dir=folder_beside(target)) as folder:
+    between = tempfile.TemporaryDirectory(prefix=".cuecast-", dir=folder_beside(target))
+    with _named_as(target, between.name), between as folder:
         marked = Path(programme)
         if "audio" in options.carriers:
-            marked = Path(folder) / Path(target).name if picture else Path(target)
+            marked, sounding = Path(target), options
+            if picture:
+                marked = Path(folder) / marked.name
+                if not keeps_picture(programme, target):  # until its own is coded
+                    marked = marked.with_suffix(".mkv")
+                    codec = _codec_for(programme, target, options, folder)
+                    sounding = replace(options, audio_codec=codec)
             report, carriers["audio"] = _dub_sound(
-                programme, motion, voice, marked, options, sent, signing, progress
+                programme, motion, voice, marked, sounding, sent, signing, progress
             )
         if picture:
             carriers |= dub_picture(
@@ -209,6 +220,33 @@ def dub(
     if options.read_back and Path(target).is_file():
         _read_back(programme, target, motion, voice, options, sent, report, progress)
     return report
+
+
+@contextmanager
+def _named_as(target: str | os.PathLike[str], folder: str) -> Iterator[None]:
+    """Let errors name the output, not the file in a folder that its first pass writes."""
+    try:
+        yield
+    except CueError as error:
+        message = re.sub(re.escape(folder) + r"/[^:]*", lambda _: os.fspath(target), str(error))
+        raise CueError(message) from error
+
+
+def _codec_for(
+    programme: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    options: DubOptions,
+    folder: str,
+) -> str:
+    """Return the sound codec of the output, which has to hold it."""
+    suffix = Path(target).suffix
+    with (
+        open_programme(programme, track=options.track) as opened,
+        av.open(f"file:{folder}/a{suffix}", "w") as output,
+    ):
+        codec = options.audio_codec or usual_codec(opened.format, suffix)
+        SoundEncoder(output, opened.format, choose_target(opened.format, codec=codec))
+    return codec
 
 
 def _check_earlier(
@@ -341,6 +379,7 @@ def _dub_sound(
     figures["silent_s"] = [
         [round(t + begins_s[0], 3) for t in span] for span in figures["silent_s"]
     ]
+    sent.sound_start_s = written.start_s
     sent.silent = [(a, b) for a, b in figures["silent_s"]]
     if margins := stages[0].margins():
         figures["margin"] = margin_figures(

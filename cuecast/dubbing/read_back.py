@@ -55,10 +55,13 @@ class Sent:
         For each carrier the checksum of L0 by the number of its superframe on air.
     silent : list of (float, float)
         Seconds of sound that could not carry.
+    sound_start_s : float
+        Where the sound begins on the programme's clock.
     """
 
     superframes: dict[str, dict[int, int]] = field(default_factory=dict)
     silent: list[tuple[float, float]] = field(default_factory=list)
+    sound_start_s: float = 0.0
 
     def noting(self, carrier: str, source: Payloads, first: int = 0) -> Payloads:
         """Return `source`, whose payloads are noted; its superframe 0 is number `first` on air."""
@@ -74,10 +77,11 @@ class Sent:
     def expected(self, carrier: str, duration_s: float) -> dict[int, int]:
         """Return what of a carrier lies whole within the programme, in sound that can carry."""
         silent = self.silent if carrier == "audio" else []
+        ends_s = duration_s + (self.sound_start_s if carrier == "audio" else 0.0)
         return {
             index: check
             for index, check in self.superframes.get(carrier, {}).items()
-            if (index + 1) * SUPERFRAME_S <= duration_s
+            if (index + 1) * SUPERFRAME_S <= ends_s
             and not any(a - 1e-3 <= index * SUPERFRAME_S < b - 1e-3 for a, b in silent)
         }
 
@@ -112,7 +116,7 @@ def read_back(
     track : int
         Which of its sounds.
     duration_s : float
-        Of the marked part, on the programme's clock.
+        Of the marked part.
     through : str, optional
         Coders of the broadcast, such as ``aac:64k``, that the sound passes first; of several
         alternatives the first one, see `cuecast.dubbing.coder_stream.chains_of`.

@@ -6,6 +6,7 @@ from typing import Any
 import av
 from av.stream import Disposition
 
+from codec.errors import CueError
 from receiver.media.programme import reason
 
 _FILE_TAGS = {
@@ -13,6 +14,35 @@ _FILE_TAGS = {
     "vendor_id", "creation_time",
 }  # fmt: skip
 """Tags that describe the old file, not the programme; the new file has its own."""
+
+
+_OF_DISCS = {
+    "video": "mpeg1video mpeg2video",
+    "audio": "mp2 mp3 ac3 dts pcm_dvd",
+    "subtitle": "dvd_subtitle",
+}
+_HELD = {
+    "mpegts": {
+        "video": "mpeg1video mpeg2video mpeg4 h264 hevc",
+        "audio": "mp2 mp3 aac aac_latm ac3 eac3 dts truehd opus s302m",
+        "subtitle": "dvb_subtitle dvb_teletext hdmv_pgs_subtitle ttml arib_caption",
+    },
+    **dict.fromkeys(("mpeg", "vob", "dvd", "svcd", "vcd"), _OF_DISCS),
+}
+"""Codecs that MPEG's containers hold, by FFmpeg's names. FFmpeg writes any other there as bytes
+without a name, or under a wrong one."""
+
+
+def check_held(output: Any, stream_type: str, codec: str, source: str) -> None:
+    """Raise CueError where FFmpeg writes a codec into a container that does not hold it.
+
+    Nothing is refused that comes from a container of the same kind, whose names are `source`.
+    """
+    name = output.format.name
+    if name in source.split(","):
+        return
+    if codec not in _HELD.get(name, {}).get(stream_type, codec).split():
+        raise CueError(f"{name} cannot hold {codec}")
 
 
 class Copies:
@@ -30,7 +60,7 @@ class Copies:
     """
 
     def __init__(self, source: Any, target: Any) -> None:
-        self._target = target
+        self._target, self._source = target, source.format.name
         self._copies: dict[int, Any] = {}
         self.left_out: list[str] = []
         copy_tags(source.metadata, target.metadata)
@@ -45,8 +75,12 @@ class Copies:
             if stream.type == "attachment":
                 self._target.add_attachment(stream.name, stream.mimetype, stream.data)
                 return
+            context = stream.codec_context
+            if context is not None:
+                codec = context.codec.canonical_name
+                check_held(self._target, stream.type, codec, self._source)
             copy = self._target.add_stream_from_template(stream)
-        except (av.FFmpegError, ValueError, TypeError) as error:
+        except (CueError, av.FFmpegError, ValueError, TypeError) as error:
             self.left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
             return
         self._copies[stream.index] = copy

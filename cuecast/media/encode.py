@@ -24,6 +24,11 @@ _ENCODERS = {
 _FALLBACK_BIT_RATE = 96_000
 """For one channel, where neither the programme nor the caller states a rate."""
 
+_MP2_RATES = tuple(
+    1000 * rate for rate in (32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384)
+)
+"""Bits per second that MPEG-1 Layer II has (ISO 11172-3, 2.4.2.3); other codecs take any rate."""
+
 _CODED_BITS = {"flac": 24, "alac": 24}
 """Bits of a 32 bit sample that the codec keeps."""
 
@@ -120,7 +125,10 @@ def choose_target(
     if encoder.lossless:
         return SoundTarget(name, 0)
     known = 0 if is_lossless(sound) else sound.bit_rate
-    return SoundTarget(name, bit_rate or known or _FALLBACK_BIT_RATE * sound.channels)
+    rate = bit_rate or known or _FALLBACK_BIT_RATE * sound.channels
+    if name == "mp2" and not bit_rate:
+        rate = next((one for one in _MP2_RATES if one >= rate), _MP2_RATES[-1])
+    return SoundTarget(name, rate)
 
 
 def encoder_of(codec: str) -> str:
@@ -194,9 +202,11 @@ class SoundEncoder:
         try:
             self.stream.codec_context.open(strict=False)
         except (av.FFmpegError, ValueError) as error:
+            rate = self.stream.codec_context.bit_rate
+            wanted = f" with {rate} bit/s" if rate else ""
             raise CueError(
                 f"{self.stream.codec_context.name} cannot encode {sound.layout} sound at "
-                f"{sound.fs} Hz: choose another codec with --audio-codec ({reason(error)})"
+                f"{sound.fs} Hz{wanted}: choose another codec with --audio-codec ({reason(error)})"
             ) from error
 
     def process(self, block: NDArray[np.float32], start_s: float) -> Iterator[Any]:

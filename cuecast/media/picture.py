@@ -6,11 +6,13 @@ get a constant one: a frame that is shown for long is written several times.
 """
 
 import os
+import tempfile
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain
+from pathlib import Path
 from typing import Any, Protocol
 
 import av
@@ -19,12 +21,12 @@ from av.sidedata.sidedata import Type as SideDataType
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.copying import Copies, check_held, copy_labels
 from cuecast.media.output import open_output
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from cuecast.media.x264 import repeatable_options
 from receiver.media.picture import LONGEST_HOLD_S, Luma, PictureDecoder, PictureFormat, luma_of
-from receiver.media.programme import Programme, open_programme
+from receiver.media.programme import Programme, open_programme, reason
 
 _ENCODERS = {
     "h264": "libx264",
@@ -58,6 +60,29 @@ def put_luma(frame: Any, luma: Luma) -> None:
     frame.make_writable()  # the decoder may still predict from what it holds of the frame
     luma_of(frame)[:] = luma
     frame.pict_type = 0  # the encoder decides anew which frames stand alone
+
+
+def keeps_picture(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> bool:
+    """Whether `target` names a container of the source's kind that holds its picture as it is.
+
+    Raises
+    ------
+    CueError
+        If it names no container.
+    """
+    with open_programme(source) as programme, tempfile.TemporaryDirectory() as folder:
+        try:
+            output = av.open(f"file:{folder}/a{Path(target).suffix}", "w")
+        except (av.FFmpegError, ValueError) as error:
+            raise CueError(f"{target}: cannot write: {reason(error)}") from error
+        with output:
+            if output.format.name not in programme.container.format.name.split(","):
+                return False
+            try:
+                output.add_stream_from_template(programme.picture)
+            except (av.FFmpegError, ValueError):
+                return False
+    return True
 
 
 def rewrite_picture(
@@ -137,7 +162,7 @@ class _PictureWriter:
         self._copies = Copies(programme.container, output)
         for stream in programme.container.streams:
             if stream is self._picture:
-                self._encoder = output.add_stream(encoder, rate=self._form.fps)
+                self._encoder = _added(output, encoder, self._form.fps, programme)
                 copy_labels(stream, self._encoder)
             else:
                 self._copies.add(stream)
@@ -202,8 +227,16 @@ class _PictureWriter:
         self, stages: list[PictureStage], frames: int | None, progress: Callable[[float], None]
     ) -> None:
         """Copy, change, encode to the end or `frames`."""
-        with priorities_kept():
-            self._output.start_encoding()
+        try:
+            with priorities_kept():
+                self._output.start_encoding()
+        except (av.FFmpegError, ValueError) as error:
+            chosen = self._encoder
+            raise CueError(
+                f"{chosen.codec.name} in {self._output.format.name} cannot be written with "
+                f"{chosen.width}x{chosen.height} in {chosen.pix_fmt}, {float(self._form.fps):g} "
+                f"frames/s: choose another with --video-codec ({reason(error)})"
+            ) from error
         for packet in chain(self._programme.packets(), [None]):
             if packet is not None and packet.stream is not self._picture:
                 self._copies.write(packet)
@@ -284,6 +317,18 @@ def _encoder(form: PictureFormat, codec: str | None) -> str:
     except (av.FFmpegError, ValueError) as error:
         raise CueError(f"picture codec {name!r}: cannot be written") from error
     return name
+
+
+def _added(output: Any, encoder: str, fps: Fraction, programme: Programme) -> Any:
+    try:
+        codec = av.Codec(encoder, "w").canonical_name
+        check_held(output, "video", codec, programme.container.format.name)
+        return output.add_stream(encoder, rate=fps)
+    except (CueError, av.FFmpegError, ValueError) as error:
+        raise CueError(
+            f"{output.format.name} cannot hold a picture in {encoder!r}: choose another codec with "
+            f"--video-codec ({reason(error)})"
+        ) from error
 
 
 def light_of(frame: Any) -> str:

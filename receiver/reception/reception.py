@@ -45,7 +45,8 @@ class ProgrammeReceiver:
     key : int
         Key of the watermark.
     start_s : float
-        Second at which the receiver is switched on; the part before is passed over.
+        Second at which the receiver is switched on; the part before is passed over. From 0 on it
+        hears a sound that begins before the picture, too.
     listen, look : bool
         Whether to use the sound, and the picture, if there is one.
     keep_keys : bool
@@ -79,6 +80,8 @@ class ProgrammeReceiver:
         trust: Trust | None = None, guess: bool = True, calm: bool = False, draw: bool = True,
     ) -> None:  # fmt: skip
         self._programme = programme
+        if start_s <= 0:
+            start_s = -programme.player_s
         self._begin_s = clock_s + start_s
         self.receiver = Receiver(
             voice=voice,

@@ -277,5 +277,5 @@ def test_refusals(tmp_path: Path) -> None:
     write_programme(programme)
     with pytest.raises(CueError, match="picture codec 'nonsense': cannot be written"):
         rewrite_picture(programme, target, lambda form: [], codec="nonsense")
-    with pytest.raises(CueError, match="cannot write"):
+    with pytest.raises(CueError, match="gif cannot hold a picture in 'ffv1'"):
         rewrite_picture(programme, tmp_path / "out.gif", lambda form: [])
