@@ -46,6 +46,15 @@ in the same places a coder rounds back to the values that the programme was code
 away. Of a film's sound in AAC at 96 kbit/s .71 of the information that is needed was left, and 1.4
 to 1.6 with frames 1 to 32 samples away."""
 
+BREATH = 1e-5
+"""Deviation of the noise that sound gets before it is coded as AAC: a third of the last of 16 bits.
+
+After two frames of digital silence, such as a transport stream begins with, FFmpeg's coder leaves
+less of a mark for 8 s: at 72 kbit/s .25 to .29 of a talk's bits were wrong, .12 to .18 where the
+silence had noise of 5e-6 or more. Of 14 transport streams .21 of all bits were wrong without, .20
+with it; of the one that lost most .21 and .24.
+"""
+
 LONGEST_CHAIN = 4
 """Coders in a row: their delays add up, and the rehearsal looks for 8192 samples."""
 
@@ -112,6 +121,27 @@ class CoderStream:
         decoded = np.concatenate(parts, axis=1).T
         pair = np.repeat(decoded, 2, axis=1) if self._layout == "mono" else decoded
         return np.ascontiguousarray(pair, dtype=np.float32)
+
+
+class Breath:
+    """Noise of `BREATH` in sound that is given block by block, however it is cut.
+
+    Examples
+    --------
+    >>> heard = Breath(1).on(np.zeros((48000, 1), np.float32))
+    >>> 0.9e-5 < heard.std() < 1.1e-5
+    True
+    """
+
+    def __init__(self, channels: int) -> None:
+        self._at = 0
+        self._noise = np.random.default_rng(0).normal(0, BREATH, (FS, channels))
+
+    def on(self, sound: Samples) -> Samples:
+        """Return the next samples, shape (n, channels), with their noise."""
+        places = (self._at + np.arange(len(sound))) % len(self._noise)
+        self._at += len(sound)
+        return np.asarray(sound + self._noise[places], np.float32)
 
 
 class CoderChain:

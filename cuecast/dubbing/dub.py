@@ -33,7 +33,14 @@ from codec.superframe.encoder import SuperframeEncoder
 from codec.superframe.filmed_encoder import LIVE_TURNS, TURNS
 from codec.superframe.payload import nest
 from codec.superframe.window import MAX_BYTES
-from cuecast.dubbing.coder_stream import FRAME_SHIFT, FS, coders_for, is_rehearsed, make_rehearsal
+from cuecast.dubbing.coder_stream import (
+    FRAME_SHIFT,
+    FS,
+    Breath,
+    coders_for,
+    is_rehearsed,
+    make_rehearsal,
+)
 from cuecast.dubbing.margin_report import margin_figures
 from cuecast.dubbing.marking import MarkingStage
 from cuecast.dubbing.motions import RATE_HZ, MotionSource
@@ -357,7 +364,8 @@ def _dub_sound(
                 rehearsal=make_rehearsal(profile, options.key, coder, round(skipped_s * FS) + late),
             )
         )
-        return _From(stages[-1], round(skipped_s * sound.fs), late)
+        breath = Breath(sound.channels) if coding.encoder == "aac" else None
+        return _From(stages[-1], round(skipped_s * sound.fs), late, breath)
 
     written = rewrite_sound(
         programme,
@@ -467,13 +475,14 @@ def _window(motion: MotionSource, index: int) -> Motion:
 
 
 class _From:
-    """A stage that begins its work after some samples, which pass unchanged.
+    """A stage that begins its work after some samples, which pass unmarked.
 
     The first sample comes out `late` times more.
     """
 
-    def __init__(self, stage: Stage, samples: int, late: int = 0) -> None:
+    def __init__(self, stage: Stage, samples: int, late: int, breath: Breath | None) -> None:
         self._stage, self._left, self._late = stage, max(0, samples), late
+        self._breath = breath
 
     def process(self, block: Samples) -> Samples:
         again = np.repeat(block[:1], self._late, axis=0)
@@ -481,7 +490,10 @@ class _From:
         passed, block = block[: self._left], block[self._left :]
         self._left -= len(passed)
         marked = [self._stage.process(block)] if len(block) else []
-        return np.concatenate([again, passed, *marked])
+        return self._breathed(np.concatenate([again, passed, *marked]))
 
     def flush(self) -> Samples:
-        return self._stage.flush()
+        return self._breathed(self._stage.flush())
+
+    def _breathed(self, block: Samples) -> Samples:
+        return block if self._breath is None else self._breath.on(block)

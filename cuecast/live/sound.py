@@ -20,6 +20,7 @@ from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, Pes, step
 from cuecast.live.sound_run import CODERS, SoundForm, SoundRun
 from cuecast.media.dolby import settings_of
+from receiver.media.programme import RateMeter
 from receiver.media.sound import as_float
 from watermark.link.superframe import SUPERFRAME_S
 
@@ -77,7 +78,8 @@ class SoundMarker:
         self._after: list[Samples] = []
         self._base_s = 0.0
         self._zero: int | None = None
-        self._bits, self._length_s, self._frames, self._packets = 0, 0.0, 0, 0
+        self._meter, self._unplaced = RateMeter(), 0
+        self._frames = self._packets = 0
         self._settings: dict[str, str] = {}
         self._resumed: tuple[RunClock, int | None] | None = None
         self._passed_to: int | None = None
@@ -134,7 +136,7 @@ class SoundMarker:
                 due = None
                 if begins and pts is not None:
                     due, pts = pts, None
-                self._bits += 8 * (len(frame.data) - _FRAMING.get(kind, 0))
+                self._unplaced += 8 * (len(frame.data) - _FRAMING.get(kind, 0))
                 self._frames += 1
                 self._settings = settings_of(frame.data)
                 for sound in self._decoded(frame.data):
@@ -180,7 +182,8 @@ class SoundMarker:
         Sound after a loss waits for the next time stamp, whose place is behind it.
         """
         samples, fs, run = as_float(sound), sound.sample_rate, self._run
-        self._length_s += len(samples) / fs
+        self._meter.add(self._unplaced, len(samples) / fs)
+        self._unplaced = 0
         if self._resumed is not None:
             samples, due = self._wait_for_resumption(samples, fs, due)
             if due is None:
@@ -253,7 +256,7 @@ class SoundMarker:
         return SoundRun(
             self._kind, form, stamp, self._base_s, self._first, self._motion, self._voice,
             self._options, self._signing, per_packet, self._settings,
-            lambda: round(self._bits / max(self._length_s, 1e-3)),
+            lambda: self._meter.rate(form.channels),
             joint=joint, rehearsed=self.rehearsed,
         )  # fmt: skip
 

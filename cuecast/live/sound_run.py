@@ -14,7 +14,7 @@ from codec.cuer.motion import Motion
 from codec.cuer.voice import Voice
 from codec.cues.score import Score
 from codec.errors import CueError
-from cuecast.dubbing.coder_stream import FRAME_SHIFT, make_line_rehearsal, make_rehearsal
+from cuecast.dubbing.coder_stream import FRAME_SHIFT, Breath, make_line_rehearsal, make_rehearsal
 from cuecast.dubbing.coder_stream import FS as CODER_FS
 from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
@@ -22,6 +22,7 @@ from cuecast.live.frames import framed
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, step, write_pes
 from cuecast.live.signing import LiveSigning
+from cuecast.media.encode import usual_rate
 from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.signal.profile import AudioProfile, find_profile
@@ -134,7 +135,7 @@ class SoundRun:
         encoder = CODERS[self._kind][1]
 
         def bit_rate() -> int:
-            return _usual_rate(encoder, self._bit_rate() or _USUAL_BITS)
+            return usual_rate(encoder, self._bit_rate() or _USUAL_BITS * self.channels)
 
         return make_line_rehearsal(profile, options.key, encoder, self.channels, bit_rate, skipped)
 
@@ -210,7 +211,7 @@ class _Coder:
         coder.sample_rate, coder.layout = fs, layout
         offered = [form.name for form in coder.codec.audio_formats]
         coder.format = "fltp" if "fltp" in offered else "s16"
-        coder.bit_rate = _usual_rate(name, bit_rate or _USUAL_BITS)
+        coder.bit_rate = usual_rate(name, bit_rate or _USUAL_BITS * coder.layout.nb_channels)
         coder.options = settings
         try:
             coder.open(strict=False)
@@ -219,11 +220,14 @@ class _Coder:
         self._coder, self._layout, self._fs = coder, layout, fs
         self.frame_size: int = coder.frame_size
         self._held = np.zeros((0, coder.layout.nb_channels), np.float32)
+        self._breath = Breath(coder.layout.nb_channels) if name == "aac" else None
         self._count = 0
 
     def process(self, samples: Samples) -> list[tuple[int, bytes]]:
         if not self._count and not len(self._held):
             samples = np.concatenate([np.repeat(samples[:1], FRAME_SHIFT, axis=0), samples])
+        if self._breath is not None:
+            samples = self._breath.on(samples)
         self._held = np.concatenate([self._held, samples])
         out: list[tuple[int, bytes]] = []
         while len(self._held) >= self.frame_size:
@@ -294,16 +298,3 @@ def _moved(score: Score | None, by_s: float) -> Score | None:
         for line in (score.phones, score.keys)
     ]
     return Score(tuple(moved[0]), tuple(moved[1]))  # type: ignore[arg-type]
-
-
-def _usual_rate(name: str, bit_rate: int) -> int:
-    """Return a bit rate that the encoder knows, the nearest to the programme's."""
-    if name == "aac":
-        return bit_rate
-    steps = {
-        "mp2": (32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384),
-        "ac3": (32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576,
-                640),
-        "eac3": (32, 48, 64, 96, 128, 160, 192, 224, 256, 320, 384, 448, 512, 640, 768, 1024),
-    }[name]  # fmt: skip
-    return min((1000 * k for k in steps), key=lambda rate: abs(rate - bit_rate))

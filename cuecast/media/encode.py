@@ -24,10 +24,12 @@ _ENCODERS = {
 _FALLBACK_BIT_RATE = 96_000
 """For one channel, where neither the programme nor the caller states a rate."""
 
-_MP2_RATES = tuple(
-    1000 * rate for rate in (32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384)
-)
-"""Bits per second that MPEG-1 Layer II has (ISO 11172-3, 2.4.2.3); other codecs take any rate."""
+_RATES = {
+    "mp2": (32, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384),
+    "ac3": (32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 384, 448, 512, 576, 640),
+    "eac3": (32, 48, 64, 96, 128, 160, 192, 224, 256, 320, 384, 448, 512, 640, 768, 1024),
+}
+"""Kilobits per second that coders know, or usual ones (ISO 11172-3, 2.4.2.3; ETSI TS 102 366)."""
 
 _CODED_BITS = {"flac": 24, "alac": 24}
 """Bits of a 32 bit sample that the codec keeps."""
@@ -126,9 +128,21 @@ def choose_target(
         return SoundTarget(name, 0)
     known = 0 if is_lossless(sound) else sound.bit_rate
     rate = bit_rate or known or _FALLBACK_BIT_RATE * sound.channels
-    if name == "mp2" and not bit_rate:
-        rate = next((one for one in _MP2_RATES if one >= rate), _MP2_RATES[-1])
+    if name == "mp2" and not bit_rate:  # which refuses any other
+        rate = usual_rate(name, rate)
     return SoundTarget(name, rate)
+
+
+def usual_rate(encoder: str, bit_rate: int) -> int:
+    """Return the bit rate nearest to another that an encoder knows.
+
+    Examples
+    --------
+    >>> usual_rate("mp2", 191_998), usual_rate("aac", 69_000)
+    (192000, 69000)
+    """
+    rates = _RATES.get(encoder)
+    return min((1000 * k for k in rates), key=lambda r: abs(r - bit_rate)) if rates else bit_rate
 
 
 def encoder_of(codec: str) -> str:

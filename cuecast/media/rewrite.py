@@ -122,7 +122,7 @@ class _SoundWriter:
         self._decoder = SoundDecoder(programme, strict=True)
         sound = self._decoder.format
         track = list(programme.container.streams.audio).index(programme.sound)
-        if not sound.bit_rate:
+        if not sound.bit_rate or _is_guessed(programme):
             sound = replace(sound, bit_rate=measured_bit_rate(source, track=track))
         self._target = target = choose_target(sound, codec=codec, bit_rate=bit_rate)
         self._copies = Copies(programme.container, container)
@@ -183,6 +183,12 @@ class _SoundWriter:
         start_s = self._decoder.container_start_s - float(self._copies.shift_s)
         for packet in self._encoder.process(block, start_s):
             self._container.mux(packet)
+
+
+def _is_guessed(programme: Programme) -> bool:
+    """Whether a stated bit rate is that of the first frame, which is often silence."""
+    framed = programme.container.format.name in ("mpegts", "mpeg", "aac")
+    return framed and programme.format.codec.startswith(("aac", "mp3"))
 
 
 def _same_file(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> bool:

@@ -22,6 +22,7 @@ from receiver.media.sound import read_sound
 CODINGS = (
     ("aac", ".m4a", 64_000, 1), ("aac", ".m4a", 96_000, 2), ("aac", ".m4a", 128_000, 2),
     ("libmp3lame", ".mp3", 96_000, 2), ("libmp3lame", ".mp3", 128_000, 2),
+    ("aac", ".ts", 64_000, 1), ("aac", ".ts", 96_000, 2),
 )  # fmt: skip
 SECONDS = 15
 TEXT = (

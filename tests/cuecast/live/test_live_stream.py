@@ -296,16 +296,16 @@ def test_a_sound_on_another_pid_is_followed(stream: bytes) -> None:
     assert {epoch for _, epoch, _, _ in sent} == {1}
 
 
-@pytest.mark.parametrize("kind", ["mp2", "aac"])
-def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
-    sound = programme()[: 6 * FS]
+def marked(
+    kind: str, sound: NDArray[np.float32], start: int
+) -> tuple[SoundMarker, list[MarkedPes]]:
+    """Mark a sound, shape (n, 2), whose time stamps begin with `start`."""
     marker = SoundMarker(
         LiveMotion(load_voice("claire"), Reading()),
         load_voice("claire"),
         LiveOptions("standard", 0, -0.43, low_delay=True),
     )
     made: list[MarkedPes] = []
-    start = PERIOD - 3 * 90_000  # the stamps begin anew on the way
     reader, counter = PesReader(), itertools.count()
     for number, data in coded(kind, sound):
         pts = (start + number * 90_000 // FS) % PERIOD
@@ -315,7 +315,24 @@ def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
             packet = packed(SOUND_PID, next(counter) & 15, payload, starts=n == 0)
             for one in reader.process(packet):
                 made += marker.process(kind, one)
-    made += marker.flush()
+    return marker, [*made, *marker.flush()]
+
+
+@pytest.mark.parametrize("silent_s", [0, 5])
+def test_a_line_that_begins_silent_keeps_its_rate(silent_s: int) -> None:
+    """FFmpeg makes 4 kbit/s of digital silence; a run's coder is opened in its first seconds."""
+    sound = np.concatenate([np.zeros((silent_s * FS, 2), np.float32), programme()[: 6 * FS]])
+    _, made = marked("aac", sound, 0)
+    loud = [one for one in made if one.pts > (silent_s + 1) * 90_000]
+    bits = 8 * sum(len(one.data) for one in loud)
+    assert 100_000 < bits * 90_000 / (loud[-1].end - loud[0].pts) < 145_000
+
+
+@pytest.mark.parametrize("kind", ["mp2", "aac"])
+def test_marked_sound_is_in_step_and_carries(kind: str) -> None:
+    sound = programme()[: 6 * FS]
+    start = PERIOD - 3 * 90_000  # the stamps begin anew on the way
+    marker, made = marked(kind, sound, start)
     times, heard = decoded(kind, made)
     offset = round(step(times[0], start) * FS / 90_000)
     n = min(len(sound) - offset, len(heard)) - FS

@@ -19,7 +19,7 @@ from codec.errors import CueError
 from cuecast.media.encode import SoundTarget
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from receiver.media.programme import SoundFormat, has_stream, open_programme
+from receiver.media.programme import SoundFormat, has_stream, measured_bit_rate, open_programme
 from receiver.media.sound import SoundDecoder, sound_blocks
 
 FS = 48000
@@ -344,3 +344,25 @@ def test_sound_of_which_nothing_can_be_decoded(make_film: Films, tmp_path: Path)
     broken(make_film(".mkv", "ac3", 192000), tmp_path / "broken.mkv", every=True)
     with pytest.raises(CueError, match="none of it could be decoded"):
         read_sound(tmp_path / "broken.mkv")
+
+
+@pytest.mark.parametrize("suffix", [".ts", ".mkv", ".aac"])
+@pytest.mark.parametrize("silent_s", [0, 3])
+def test_a_silent_opening_does_not_tell_the_rate(
+    tmp_path: Path, suffix: str, silent_s: int
+) -> None:
+    """Of frames without a header for all of them FFmpeg states the rate of the first one."""
+    rng = np.random.default_rng(0)
+    loud = rng.normal(0, 0.1, (6 * FS, 2)).astype(np.float32)
+    sound = np.concatenate([np.zeros((silent_s * FS, 2), np.float32), loud])
+    film, target = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    write_film(film, sound, FS, encoder="aac", bit_rate=96_000)
+    rewrite_sound(film, target, lambda *_: Unchanged())
+    for path in (film, target):
+        assert 88_000 < measured_bit_rate(path) < 108_000
+
+
+def test_the_rate_of_silence_is_not_known(tmp_path: Path) -> None:
+    film = tmp_path / "a.ts"
+    write_film(film, np.zeros((4 * FS, 2), np.float32), FS, encoder="aac", bit_rate=96_000)
+    assert measured_bit_rate(film) == 0

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.dubbing.coder_stream import CoderChain, CoderStream, chains_of, make_rehearsal
+from cuecast.dubbing.coder_stream import Breath, CoderChain, CoderStream, chains_of, make_rehearsal
 from watermark.audio.embed.codec_loop import CodecLoop
 from watermark.audio.embed.embedder import AudioEmbedder
 from watermark.audio.embed.levels import HIGHEST_LEVEL
@@ -202,3 +202,11 @@ def test_grade_goes_where_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(short) == 8
     assert max(short) > 0.2
     assert max(short) - min(short) < 0.5
+
+
+def test_breath_is_the_same_however_it_is_cut() -> None:
+    sound = np.zeros((100_000, 2), np.float32)
+    whole, breath = Breath(2).on(sound), Breath(2)
+    parts = [breath.on(sound[a:b]) for a, b in ((0, 1), (1, 47_000), (47_000, 100_000))]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    assert 20 * np.log10(np.std(whole)) == pytest.approx(-100, abs=0.1)
