@@ -37,8 +37,8 @@ USUAL = {"robust": "aac:64k", "standard": "aac:128k,mp2:192k", "high": "aac:128k
 
 FRUGAL = 96_000
 """Bits per second and channel below which a rehearsal hears the output's own coder. On the usual
-ones alone 296 of 391 superframes of five clips arrive below it, none of a pop song's in MP3 at 96
-kbit/s; on their own 378 (`python -m tests.bench.frugal_sound`)."""
+ones alone 394 of 575 superframes of five clips arrive below it, none of a pop song's in MP3 at 96
+kbit/s; on their own 554 (`python -m tests.bench.frugal_sound`)."""
 
 FRAME_SHIFT = 1
 """Samples that a sound is later than before where its codec is that of the programme: with frames
