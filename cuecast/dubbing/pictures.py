@@ -96,9 +96,7 @@ def _embedder(
     if name == "video":
         video = find_video_profile(options.profiles[name])
         source = sent.noting(name, source_of(video.l0_bytes, video.l1_bytes))
-        channels = picture_channels(
-            options.through, *size, form.depth, most_bps=options.bit_rate or form.bit_rate
-        )
+        channels = picture_channels(options.through, *size, form.depth, most_bps=form.bit_rate)
         return VideoEmbedder(
             *size, source, profile=video.name, key=options.key, depth=form.depth, channels=channels
         )

@@ -107,7 +107,7 @@ def rewrite_picture(
     source, target : path
         The suffix of `target` names the container.
     make_stages : callable
-        Called once with the picture's format.
+        Called once with the picture's format, whose bit rate is that of the output.
     codec, bit_rate : optional
         Picture codec and bits per second of the output; by default those of the programme.
     gop : int, optional
@@ -147,8 +147,9 @@ def rewrite_picture(
             frames = None if duration_s is None else round(duration_s * form.fps)
             for line in writer.left_out:
                 tell(line)
+            form = replace(form, bit_rate=rate)
             writer.run(list(make_stages(form)), frames, progress)
-    return replace(form, bit_rate=rate)
+    return form
 
 
 class _PictureWriter:

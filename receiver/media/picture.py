@@ -44,8 +44,8 @@ LONGEST_HOLD_S = 10.0
 """A greater step of the times is a new start of the container's clock, not a still picture."""
 
 
-_VARIABLE = 0x3FFFF * 400
-"""Bits per second in the header of MPEG-1 where the rate varies (ISO 11172-2, 2.4.3.2)."""
+_LIMITED = {"mpeg1video", "mpeg2video"}
+"""Pictures whose headers state a limit where the rate varies (ISO 13818-2, 6.3.3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def stream_format(stream: Any, name: str) -> PictureFormat:
         fps,
         pixel_format,
         LUMA_DEPTH[pixel_format],
-        0 if context.bit_rate in (None, _VARIABLE) else int(context.bit_rate),
+        0 if context.name in _LIMITED else int(context.bit_rate or 0),
     )
 
 

@@ -126,6 +126,22 @@ def test_same_picture_same_bits(tmp_path: Path, codec: str) -> None:
     assert written[0] == written[1] == written[2]
 
 
+@pytest.mark.parametrize("bit_rate", [None, 60_000])
+def test_stages_know_the_rate_of_the_output(tmp_path: Path, bit_rate: int | None) -> None:
+    """Matroska and transport streams state none: it is measured."""
+    programme, target = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_programme(programme)
+    assert picture_format(programme).bit_rate == 0
+    told: list[int] = []
+
+    def no_stages(form: PictureFormat) -> list[Any]:
+        told.append(form.bit_rate)
+        return []
+
+    rewrite_picture(programme, target, no_stages, codec="h264", bit_rate=bit_rate)
+    assert told[0] > 0 if bit_rate is None else told == [bit_rate]
+
+
 def test_pictures_without_luma_are_converted(tmp_path: Path) -> None:
     programme = tmp_path / "in.mkv"
     write_programme(programme, "bgra")
