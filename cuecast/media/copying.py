@@ -33,13 +33,26 @@ _HELD = {
 without a name, or under a wrong one."""
 
 
+_KINDS = {
+    **dict.fromkeys(("vob", "dvd", "svcd", "vcd"), "mpeg"),
+    **dict.fromkeys(("ogv", "oga", "opus"), "ogg"),
+    **dict.fromkeys(("ipod", "psp", "f4v", "3gp", "3g2"), "mp4"),
+}
+"""Containers that FFmpeg writes by a name of their own, and the name that it reads them by."""
+
+
+def is_of_kind(output: Any, source: str) -> bool:
+    """Whether an output is a container of the kind whose names, apart by commas, are `source`."""
+    return _KINDS.get(output.format.name, output.format.name) in source.split(",")
+
+
 def check_held(output: Any, stream_type: str, codec: str, source: str) -> None:
     """Raise CueError where FFmpeg writes a codec into a container that does not hold it.
 
     Nothing is refused that comes from a container of the same kind, whose names are `source`.
     """
     name = output.format.name
-    if name in source.split(","):
+    if is_of_kind(output, source):
         return
     if codec not in _HELD.get(name, {}).get(stream_type, codec).split():
         raise CueError(f"{name} cannot hold {codec}")

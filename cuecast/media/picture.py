@@ -21,7 +21,7 @@ from av.sidedata.sidedata import Type as SideDataType
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.copying import Copies, check_held, copy_labels
+from cuecast.media.copying import Copies, check_held, copy_labels, is_of_kind
 from cuecast.media.output import open_output
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from cuecast.media.x264 import repeatable_options
@@ -76,7 +76,7 @@ def keeps_picture(source: str | os.PathLike[str], target: str | os.PathLike[str]
         except (av.FFmpegError, ValueError) as error:
             raise CueError(f"{target}: cannot write: {reason(error)}") from error
         with output:
-            if output.format.name not in programme.container.format.name.split(","):
+            if not is_of_kind(output, programme.container.format.name):
                 return False
             try:
                 output.add_stream_from_template(programme.picture)

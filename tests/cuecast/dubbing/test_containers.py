@@ -11,6 +11,7 @@ import pytest
 
 from cuecast.command.cli import main
 from cuecast.demo.content import FS, PICTURE_RATE, make_pictures, make_sound
+from cuecast.media.copying import is_of_kind
 from cuecast.media.film import write_film
 from tests.cuecast.media.test_subtitle_tracks import CARRIED, make
 
@@ -117,3 +118,18 @@ def test_cues_before_the_first_picture_are_heard(
     assert found["keys"]["not_on_air"]["before_the_first"] == 0
     assert found["keys"]["received"] == found["keys"]["sent"] > 3
     assert found["carriers"]["audio"]["lost"] == 0
+
+
+@pytest.mark.parametrize(
+    ("suffix", "source", "same"),
+    [
+        (".m4v", "mov,mp4,m4a,3gp,3g2,mj2", True),
+        (".ogv", "ogg", True),
+        (".vob", "mpeg", True),
+        (".webm", "mov,mp4,m4a,3gp,3g2,mj2", False),
+    ],
+)
+def test_kinds_of_containers(tmp_path: Path, suffix: str, source: str, same: bool) -> None:
+    """Between containers of a kind nothing is lost on the way."""
+    with av.open(str(tmp_path / f"a{suffix}"), "w") as output:
+        assert is_of_kind(output, source) is same
