@@ -177,7 +177,11 @@ def test_keys_are_those_of_the_file(tmp_path: Path, name: str, late_s: float) ->
         status = main([*dub, "--report", str(report)])
         assert status == 0
         keys.append(json.loads(report.read_text(encoding="utf-8"))["keys"])
+    times = np.array([[[key.pop("start"), key.pop("end")] for key in each] for each in keys])
     assert keys[0] == keys[1]
+    # A file counts from the container's start: in a transport stream AAC's first frame is 21 ms
+    # before 0, and the cuer's pace makes more of it.
+    assert np.abs(times[0] - times[1]).max() <= (0.1 if suffix == ".ts" else 1e-6)
     assert len(keys[0]) > 8
 
 
