@@ -20,7 +20,7 @@ from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, Pes, step
 from cuecast.live.sound_run import CODERS, SoundForm, SoundRun
 from cuecast.media.dolby import settings_of
-from receiver.media.programme import RateMeter
+from receiver.media.rates import RateMeter
 from receiver.media.sound import as_float
 from watermark.link.superframe import SUPERFRAME_S
 

@@ -19,7 +19,8 @@ from cuecast.media.copying import Copies, copy_labels
 from cuecast.media.dolby import TELLING, first_settings
 from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
 from cuecast.media.output import open_output
-from receiver.media.programme import Programme, SoundFormat, measured_bit_rate, open_programme
+from receiver.media.programme import Programme, SoundFormat, open_programme
+from receiver.media.rates import measured_bit_rate
 from receiver.media.sound import SoundDecoder
 
 

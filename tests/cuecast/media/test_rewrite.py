@@ -19,7 +19,8 @@ from codec.errors import CueError
 from cuecast.media.encode import SoundTarget
 from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
-from receiver.media.programme import SoundFormat, has_stream, measured_bit_rate, open_programme
+from receiver.media.programme import SoundFormat, has_stream, open_programme
+from receiver.media.rates import measured_bit_rate
 from receiver.media.sound import SoundDecoder, sound_blocks
 
 FS = 48000
