@@ -74,8 +74,10 @@ def serve(
         threading.Thread(target=_beat, args=(channel.send,), daemon=True).start()
         while not marking.over:
             marking.read(lines)
+            marking.tell_done()
             for message in channel.receive(marking.idle_s):
-                marking.take(*message)
+                marking.take(channel.taken, *message)
+                marking.tell_done()
                 if marking.over:
                     break
         channel.send("ended")
@@ -122,6 +124,7 @@ class Marking:
         self.eased_total = 0
         self._said = ""
         self._reported_s = 0.0
+        self._done = self._told = 0
         self.over = False
         self._room: WaitingRoom | None = None
         if cuer.motion == PIPE:
@@ -148,16 +151,24 @@ class Marking:
         except queue.Empty:
             pass
         while (found := self._room.leave(time.monotonic(), self._marker.heard_s)) is not None:
-            sent_s, *message = found
+            number, sent_s, *message = found
             self._work(sent_s + self._hold_s, *message)
             self._room.heard(self._marker.heard_s, sent_s)
+            self._done = number
 
-    def take(self, sent_s: float, kind: str, *content: Any) -> None:
+    def take(self, number: int, sent_s: float, kind: str, *content: Any) -> None:
         """Take a message of the playout; with an interpreter it waits for her."""
         if self._room is None:
             self._work(sent_s, kind, *content)
+            self._done = number
         else:
-            self._room.enter(sent_s, (sent_s, kind, *content))
+            self._room.enter(sent_s, (number, sent_s, kind, *content))
+
+    def tell_done(self) -> None:
+        """Tell a playout that waits for this process which message was the last one done."""
+        if self._patience_s is None and self._done != self._told:
+            self._told = self._done
+            self._send(self._done)
 
     def _work(self, sent_s: float, kind: str, *content: Any) -> None:
         """Carry out a message; a failure is reported and costs only it."""

@@ -129,7 +129,7 @@ class Multiplex:
         self._epoch = 0
         self._pts: int | None = None
         self._held: deque[_HeldPackets] = deque()
-        self._stream_s = 0.0
+        self._due_s = self._stream_s = 0.0
         self._clock_s: float | None = None
         self._marks: deque[tuple[int, MarkedPes]] = deque()
         self.marks = 0
@@ -164,6 +164,11 @@ class Multiplex:
     def held_s(self) -> float:
         """How long the oldest packet has still to wait, by the clock that counts."""
         return self._held[0].due_s if self._held else float("inf")
+
+    @property
+    def overdue_s(self) -> float:
+        """How far the stream's clock is past the time of the packets that are on their way out."""
+        return self._stream_s - self._due_s
 
     @property
     def held_bytes(self) -> int:
@@ -268,11 +273,19 @@ class Multiplex:
             yield self._made(self._held.popleft())
 
     def rest(self) -> Iterator[bytes]:
-        """Yield all that is held, whenever it is due."""
+        """Yield all that is held, whenever it is due, and the end of the marked sound.
+
+        Its last packets were taken for sound before them that came out longer.
+        """
         while self._held:
             yield self._made(self._held.popleft())
+        while self._pending or (
+            self._marking and self._marks and self._marks[0][0] == self._leaving
+        ):
+            yield self._next(pts=self._marks[0][1].pts if self._marks else None)
 
     def _made(self, held: _HeldPackets) -> bytes:
+        self._due_s = held.due_s
         if not held.slots:
             return held.data
         out = bytearray()

@@ -108,6 +108,7 @@ class PcmPassage:
         self._tell, self._wait, self._by_stream = tell, wait, by_stream
         self._part = b""
         self._count = self.marks = self.dropped = 0
+        self._due_s = 0.0
         self._held: deque[_HeldPcm] = deque()
         self._marked: deque[MarkedPcm] = deque()
         self.marking, self.audible = False, True
@@ -127,6 +128,11 @@ class PcmPassage:
     def held_s(self) -> float:
         """When the oldest samples are due."""
         return self._held[0].due_s if self._held else float("inf")
+
+    @property
+    def overdue_s(self) -> float:
+        """How far the line is past the time of the samples that are on their way out."""
+        return self._count / self._form.fs - self._due_s
 
     @property
     def held_bytes(self) -> int:
@@ -167,6 +173,7 @@ class PcmPassage:
             yield self._made(self._held.popleft())
 
     def _made(self, held: _HeldPcm) -> bytes:
+        self._due_s = held.due_s
         found = self._found(held)
         while found is None and self._wait():
             found = self._found(held)

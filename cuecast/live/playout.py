@@ -53,8 +53,14 @@ _OBSERVED_S = 0.25
 _SHOWN_CHARACTERS = 200
 """Characters of a caption in the log."""
 
-_PATIENCE_S = 120.0
-"""How long a pipe waits for the marking process before the programme passes as it is."""
+_PATIENCE_S, _LOADING_S = 120.0, 600.0
+"""Seconds without progress of the marking process, and without its being ready, after which the
+programme of a pipe passes as it is until there is some."""
+
+_READ_ON_S = 12.0
+"""Seconds of a pipe's programme that are read beyond the delay for a marking process that has used
+up what it was given. One packet can hold more sound than the delay is long: 4.8 s of silence in
+FFmpeg's (AAC of 13 bytes a frame)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +152,8 @@ class Playout:
         self._silent = True
         self._waiting_since_s: float | None = None
         self._observed_s = 0.0
+        self._progress, self._progress_s = (0, 0), time.monotonic()
+        self._ending = False
 
     def _new_multiplex(self) -> Multiplex | PcmPassage:
         route, paced = self._route, self._paced
@@ -267,10 +275,9 @@ class Playout:
             self._succession = Succession(self._argv, (self._input.handle, target), self._tell)
         try:
             while not (self._stop.is_set() or self._input.over):
-                arrivals = self._input.take(_LOOP_S)
+                arrived = self._take(_LOOP_S)
                 now_s = time.monotonic()
-                self._passage.take(arrivals)
-                if arrivals:
+                if arrived:
                     heard_s = now_s
                     if lost:
                         self._tell("input: back")
@@ -279,8 +286,6 @@ class Playout:
                     self._passage.figures["input_losses_total"] += 1
                     self._tell("input: nothing comes")
                     self._silent = lost = True
-                while self._lines:
-                    self._passage.caption(self._lines.popleft())
                 self._collect()
                 self._passage.give(now_s)
                 self._keep_successor()
@@ -297,6 +302,14 @@ class Playout:
                 self._watch.close()
             self._input.close()
             self._output.close()
+
+    def _take(self, wait_s: float) -> bool:
+        """Take what has come, waiting at most that long; return whether some of the programme."""
+        arrivals = self._input.take(wait_s)
+        self._passage.take(arrivals)
+        while self._lines:
+            self._passage.caption(self._lines.popleft())
+        return bool(arrivals)
 
     def _keep_successor(self) -> None:
         """Keep the playout that stands by informed; start one once this can mark."""
@@ -365,19 +378,41 @@ class Playout:
 
     def _wait(self) -> bool:
         """Wait for the marking process; return whether it is still worth while."""
-        until_s = time.monotonic() + _PATIENCE_S
-        before = self._multiplex.marks
-        while self._worker.alive and not self._worker.ended and time.monotonic() < until_s:
-            self._collect(0.1)
-            if self._multiplex.marks != before:
+        worker, before = self._worker, self._multiplex.marks
+        while worker.alive and not worker.ended:
+            self._collect(0.0 if worker.idle and not self._ending else 0.1)
+            now_s, progress = time.monotonic(), (self._multiplex.marks, worker.state.done)
+            if progress != self._progress:
+                self._progress, self._progress_s = progress, now_s
+            if progress[0] != before:
                 return True
+            if now_s - self._progress_s > (_PATIENCE_S if worker.ready else _LOADING_S):
+                return False
+            if worker.idle and not self._read_on():
+                return False
         return False
+
+    def _read_on(self) -> bool:
+        """Give more to a marking process that has used up all; return whether there can be more."""
+        if self._stop.is_set() or self._input.over:
+            self._end()
+            return True
+        if self._multiplex.overdue_s > _READ_ON_S:
+            return False
+        self._take(0.1)
+        return True
+
+    def _end(self) -> None:
+        """Tell once that nothing more comes."""
+        if not self._ending:
+            self._ending = True
+            self._multiplex.end()
+            self._worker.send("end")
 
     def _finish(self) -> None:
         """Send held packets: at their time where there is one, else as they get ready."""
         self._end_succession()
-        self._multiplex.end()
-        self._worker.send("end")
+        self._end()
         while self._paced and self._multiplex.held_s < float("inf"):
             now_s = time.monotonic()
             self._collect(_LOOP_S)

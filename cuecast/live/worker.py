@@ -86,8 +86,8 @@ class WorkerState:
     restarts, takeovers, failures : int
     serial : int
         Number of the last process.
-    number : int
-        Of the last message.
+    number, done : int
+        Of the last message, and of the last one that was worked on, where that is told.
     clock : RunClock, optional
         Of the sound under way.
     until : tuple of (int, int), optional
@@ -109,6 +109,7 @@ class WorkerState:
     failures: int = 0
     serial: int = 0
     number: int = 1
+    done: int = 0
     clock: RunClock | None = None
     until: tuple[int, int] | None = None
     taken: dict[int, int] = field(default_factory=dict)
@@ -220,6 +221,11 @@ class Worker:
         return self.state.ready
 
     @property
+    def idle(self) -> bool:
+        """Whether it has worked on all messages; told by a process without `patience_s`."""
+        return self.state.done >= self.state.number
+
+    @property
     def ended(self) -> bool:
         """Whether it has marked all."""
         return self.state.ended
@@ -261,6 +267,9 @@ class Worker:
             for found in self._process.channel.receive(wait_s):
                 if found == "alive":
                     self._answered_s = time.monotonic()
+                    continue
+                if isinstance(found, int):
+                    state.done = found
                     continue
                 if isinstance(found, str):
                     state.ready = state.was_ready = self._process.ready = True

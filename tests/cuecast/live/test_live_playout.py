@@ -40,15 +40,16 @@ def air(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def write_air(folder: Path, seconds: int, bit_rate: int) -> None:
-    """Write a.ts, whose sound has this bit rate, and a.srt."""
+def write_air(folder: Path, seconds: int, bit_rate: int, silent_s: int = 0, fs: int = FS) -> None:
+    """Write a.ts, whose sound has this bit rate and begins silent, and a.srt."""
     sound, subtitles = make_sound()
+    sound = np.concatenate([np.zeros((silent_s * fs, 2), np.float32), sound])
     (folder / "a.srt").write_text(as_srt(subtitles), encoding="utf-8")
     with av.open(str(folder / "a.ts"), "w", format="mpegts") as out:
         picture: Any = out.add_stream("mpeg2video", rate=25)
         picture.width = picture.height = 64
         picture.pix_fmt = "yuv420p"
-        heard: Any = out.add_stream("aac", rate=FS)
+        heard: Any = out.add_stream("aac", rate=fs)
         heard.layout, heard.bit_rate = "stereo", bit_rate
         for n in range(25 * seconds):
             frame = av.VideoFrame.from_ndarray(
@@ -56,9 +57,9 @@ def write_air(folder: Path, seconds: int, bit_rate: int) -> None:
             )
             frame.pts, frame.time_base = n, Fraction(1, 25)
             out.mux(picture.encode(frame))
-            part = np.ascontiguousarray(sound[n * FS // 25 : (n + 1) * FS // 25].T)
+            part = np.ascontiguousarray(sound[n * fs // 25 : (n + 1) * fs // 25].T)
             block = av.AudioFrame.from_ndarray(part, "fltp", "stereo")
-            block.sample_rate, block.pts, block.time_base = FS, n * FS // 25, Fraction(1, FS)
+            block.sample_rate, block.pts, block.time_base = fs, n * fs // 25, Fraction(1, fs)
             out.mux(heard.encode(block))
         out.mux(picture.encode(None))
         out.mux(heard.encode(None))
@@ -101,6 +102,43 @@ def test_a_frugal_line_keeps_its_cuer(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(["receive", names[1], "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["superframes"]["received"] >= 15
+
+
+def sound_packets(path: Path) -> list[int]:
+    """Time stamps of the coded sound, which decodes without an error."""
+    with av.open(str(path)) as file:
+        packets = [packet for packet in file.demux(audio=0) if packet.pts is not None]
+        assert not any(packet.is_corrupt for packet in packets)
+        for packet in packets:
+            packet.decode()
+        return [int(packet.pts or 0) for packet in packets]
+
+
+def test_sound_in_long_packets_is_waited_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """FFmpeg puts 4.8 s of silence into a packet: the playout waited 120 s for each mark in it.
+
+    Marked sound takes more packets than the plain one had; its end was cut off.
+    """
+    write_air(tmp_path, 14, 96_000, silent_s=6)
+    names = [str(tmp_path / name) for name in ("a.ts", "b.ts", "a.srt")]
+    assert main(["playout", *names[:2], "--subtitles", names[2]]) == 0
+    assert "bypass" not in capsys.readouterr().err
+    before, after = sound_packets(tmp_path / "a.ts"), sound_packets(tmp_path / "b.ts")
+    assert abs(after[-1] - before[-1]) < 0.05 * 90_000
+    assert main(["receive", names[1], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["superframes"]["received"] >= 12
+
+
+def test_sound_that_cannot_be_marked_passes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_air(tmp_path, 16, 96_000, fs=22_050)
+    names = [str(tmp_path / name) for name in ("a.ts", "b.ts", "a.srt")]
+    assert main(["playout", *names[:2], "--subtitles", names[2]]) == 0
+    assert "sampling rate 22050 Hz" in capsys.readouterr().err
+    assert (tmp_path / "b.ts").read_bytes() == (tmp_path / "a.ts").read_bytes()
 
 
 def test_usage(air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
