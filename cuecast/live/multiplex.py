@@ -51,6 +51,14 @@ TIES = "_send", "_tell", "_wait", "_watch"
 _LONGEST_TICK_S = 1.0
 """A greater step of the stream's clock is a new beginning of it."""
 
+_LONGEST_PACKET_S = 6.0
+"""A greater step between the time stamps of the sound likewise, where it is the clock."""
+
+READ_ON_S, MOST_HELD = 12.0, 256 << 20
+"""Seconds beyond the delay, by the stream's own clock, that packets wait for marked sound at most;
+one packet can hold 4.8 s of silence, FFmpeg's of AAC (13 bytes a frame). And bytes that wait at
+most where that clock stands still: the delay at 400 Mbit/s."""
+
 
 class Send(Protocol):
     """Takes a message for the marking process."""
@@ -110,6 +118,8 @@ class Multiplex:
     figures : dict of str to float
     marks : int
         Marked packets that came in.
+    held_bytes : int
+        How much waits.
     """
 
     def __init__(
@@ -129,8 +139,10 @@ class Multiplex:
         self._epoch = 0
         self._pts: int | None = None
         self._held: deque[_HeldPackets] = deque()
+        self.held_bytes = 0
         self._due_s = self._stream_s = 0.0
         self._clock_s: float | None = None
+        self._has_clock = False
         self._marks: deque[tuple[int, MarkedPes]] = deque()
         self.marks = 0
         self._pending, self._begins = b"", False
@@ -166,14 +178,9 @@ class Multiplex:
         return self._held[0].due_s if self._held else float("inf")
 
     @property
-    def overdue_s(self) -> float:
-        """How far the stream's clock is past the time of the packets that are on their way out."""
-        return self._stream_s - self._due_s
-
-    @property
-    def held_bytes(self) -> int:
-        """How much waits."""
-        return sum(len(one.data) for one in self._held)
+    def can_wait(self) -> bool:
+        """Whether the packets on their way out can wait for further input."""
+        return self._stream_s - self._due_s <= READ_ON_S and self.held_bytes <= MOST_HELD
 
     def take(self, data: bytes, now_s: float) -> None:
         """Take whole packets that arrived at `now_s`."""
@@ -199,16 +206,22 @@ class Multiplex:
                     self._read(pes)
         due_s = (self._stream_s if self._by_stream else now_s) + self._delay_s
         self._held.append(_HeldPackets(due_s, data, slots))
+        self.held_bytes += len(data)
 
     def _tick(self, packet: bytes, pid: int) -> None:
-        """Follow the programme's clock."""
+        """Follow the programme's clock, and the sound's time stamps where there is none."""
         programme = self._tables.programme
         if programme is None or pid != programme.pcr_pid:
             return
         clock_s = clock_of(packet)
         if clock_s is None:
             return
-        if self._clock_s is not None and 0 < clock_s - self._clock_s < _LONGEST_TICK_S:
+        if not self._has_clock:
+            self._has_clock, self._clock_s = True, None
+        self._follow(clock_s, _LONGEST_TICK_S)
+
+    def _follow(self, clock_s: float, longest_s: float) -> None:
+        if self._clock_s is not None and 0 < clock_s - self._clock_s < longest_s:
             self._stream_s += clock_s - self._clock_s
         self._clock_s = clock_s
 
@@ -219,6 +232,8 @@ class Multiplex:
             head = payload_of(packet)
             told = len(head) > 13 and head[:3] == b"\x00\x00\x01" and head[7] & 0x80
             self._pts = read_stamp(head[9:14]) if told else None
+            if self._pts is not None and not self._has_clock:
+                self._follow(self._pts / TICKS_HZ, _LONGEST_PACKET_S)
         lost = self._reader.lost
         for pes in self._reader.process(packet):
             self._send("sound", self._epoch, self._sound.kind, pes)
@@ -269,7 +284,10 @@ class Multiplex:
 
     def give(self, now_s: float) -> Iterator[bytes]:
         """Yield the packets due, in pieces of whole packets."""
-        while self._held and self._held[0].due_s <= (self._stream_s if self._by_stream else now_s):
+        while self._held and (
+            self._held[0].due_s <= (self._stream_s if self._by_stream else now_s)
+            or self.held_bytes > MOST_HELD
+        ):
             yield self._made(self._held.popleft())
 
     def rest(self) -> Iterator[bytes]:
@@ -286,6 +304,7 @@ class Multiplex:
 
     def _made(self, held: _HeldPackets) -> bytes:
         self._due_s = held.due_s
+        self.held_bytes -= len(held.data)
         if not held.slots:
             return held.data
         out = bytearray()
@@ -322,9 +341,11 @@ class Multiplex:
         pts, before = slot.pts, self._last
         if pts is None:
             return b""
-        ready = self._ready(slot.epoch, pts)
+        jumped = before is not None and not 0 <= step(pts, before) < _LONGEST_PACKET_S * TICKS_HZ
+        follows = self._marking and not jumped
+        ready = self._ready(slot.epoch, pts, follows=follows)
         while not ready and self._wait():
-            ready = self._ready(slot.epoch, pts)
+            ready = self._ready(slot.epoch, pts, follows=follows)
         self._last = pts
         length = 0 if before is None else step(pts, before)
         if 0 < length < TICKS_HZ:
@@ -333,9 +354,8 @@ class Multiplex:
             if self._watch is not None and before is not None:
                 self._watch.went_out(before, length, self._marking)
         out = b""
-        if ready and not self._marking:
-            while self._marks and step(self._marks[0][1].end, pts) <= 0:
-                self._marks.popleft()
+        if ready and not follows:
+            out = self._before(pts)
             self._exchanging = True
         elif not ready and self._marking:
             while self._pending:
@@ -344,23 +364,47 @@ class Multiplex:
         self._marking = ready
         return out
 
-    def _ready(self, epoch: int, pts: int) -> bool:
-        """Whether there is marked sound for a PES of this time, and not only for later ones."""
+    def _ready(self, epoch: int, pts: int, *, follows: bool) -> bool:
+        """Whether there is marked sound for a PES of this time, and not only for later ones.
+
+        `follows`: marked sound goes out up to this PES.
+        """
         marks = self._marks
-        while marks and (marks[0][0] < epoch or step(marks[0][1].end, pts) < -_STALE):
+        jumped = self._marking and not follows
+        while marks and (
+            marks[0][0] < epoch or (step(marks[0][1].end, pts) < -_STALE and not jumped)
+        ):
             marks.popleft()
             self.figures["stale_packets_total"] += 1
-        reached = pts
-        if self._marking and self._until is not None:
-            reached = self._until
-            if step(reached, pts) > _BEHIND:  # its marked sound is under way
+        if follows and self._until is not None:
+            if step(self._until, pts) > _BEHIND:  # its marked sound is under way
                 return True
-        if not marks or step(marks[0][1].pts, reached) > marks[0][1].end - marks[0][1].pts:
+            first = marks[0][1] if marks else None
+            if first is None or step(first.pts, self._until) > first.end - first.pts:
+                return False
+        elif not any(e == epoch and _covers(mark, pts) for e, mark in marks):
             return False
         last = next((m for e, m in reversed(marks) if e == epoch), None)
         resumes = not self._marking and self.figures["bypasses_total"] > 0
         least = round(_RESUMED * self._delay_s * TICKS_HZ) if resumes else 0
         return last is not None and step(last.end, pts) > least
+
+    def _before(self, pts: int) -> bytes:
+        """Return the rest of marked sound before that of this time, which follows.
+
+        Where the programme's clock jumped it belongs before the jump; else it is left out.
+        """
+        marks, out = self._marks, b""
+        count = max(n for n, (_, mark) in enumerate(marks) if _covers(mark, pts))
+        for _ in range(count):
+            while self._pending:
+                out += self._next()
+            _, mark = marks.popleft()
+            if self._marking:
+                self._pending, self._begins = mark.data, True
+        while self._pending:
+            out += self._next()
+        return out
 
     def _behind(self, ticks: int) -> bool:
         """Whether marked sound is later than so much."""
@@ -396,6 +440,11 @@ class Multiplex:
         if packet[3] & 0x10:
             self._counter = (self._counter + 1) & 15
         return packet[:3] + bytes([packet[3] & 0xF0 | self._counter]) + packet[4:]
+
+
+def _covers(mark: MarkedPes, pts: int) -> bool:
+    """Whether marked sound of this time begins at most its own length after it."""
+    return step(mark.pts, pts) <= mark.end - mark.pts and step(mark.end, pts) > 0
 
 
 def chosen_sound(programme: ProgrammeMap, track: int) -> ElementaryStream | None:

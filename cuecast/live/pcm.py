@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.live.multiplex import TIES, Send
+from cuecast.live.multiplex import READ_ON_S, TIES, Send
 from cuecast.media.encode import as_samples
 from watermark.audio.signal.mix import check_format
 
@@ -130,9 +130,9 @@ class PcmPassage:
         return self._held[0].due_s if self._held else float("inf")
 
     @property
-    def overdue_s(self) -> float:
-        """How far the line is past the time of the samples that are on their way out."""
-        return self._count / self._form.fs - self._due_s
+    def can_wait(self) -> bool:
+        """Whether the samples on their way out can wait for further ones."""
+        return self._count / self._form.fs - self._due_s <= READ_ON_S
 
     @property
     def held_bytes(self) -> int:

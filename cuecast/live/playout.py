@@ -57,11 +57,6 @@ _PATIENCE_S, _LOADING_S = 120.0, 600.0
 """Seconds without progress of the marking process, and without its being ready, after which the
 programme of a pipe passes as it is until there is some."""
 
-_READ_ON_S = 12.0
-"""Seconds of a pipe's programme that are read beyond the delay for a marking process that has used
-up what it was given. One packet can hold more sound than the delay is long: 4.8 s of silence in
-FFmpeg's (AAC of 13 bytes a frame)."""
-
 
 @dataclass(frozen=True, slots=True)
 class Route:
@@ -397,7 +392,7 @@ class Playout:
         if self._stop.is_set() or self._input.over:
             self._end()
             return True
-        if self._multiplex.overdue_s > _READ_ON_S:
+        if not self._multiplex.can_wait:
             return False
         self._take(0.1)
         return True

@@ -6,6 +6,7 @@ import os
 import random
 import signal
 import time
+from collections import deque
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -263,6 +264,69 @@ def test_a_hole_in_the_marked_sound_is_bypassed(stream: bytes) -> None:
     assert max(lengths) <= 2 * 12_960
     assert 0.2 < multiplex.figures["bypass_seconds_total"] < 1.0
     assert multiplex.figures["bypasses_total"] == 1
+
+
+def shifted(stream: bytes, ticks: int) -> bytes:
+    """Return the stream with the time stamps of its sound moved, and its clock away."""
+    out = bytearray(stream)
+    for at in range(0, len(out), PACKET):
+        if out[at + 3] & 0x20 and out[at + 4]:
+            out[at + 5] &= ~0x10 & 0xFF
+        packet = bytes(out[at : at + PACKET])
+        if pid_of(packet) == SOUND_PID and packet[1] & 0x40:
+            stamp = at + packet.index(b"\x00\x00\x01") + 9
+            moved = (read_stamp(bytes(out[stamp : stamp + 5])) + ticks) % (1 << 33)
+            out[stamp : stamp + 5] = write_stamp(moved)
+    return bytes(out)
+
+
+@pytest.mark.parametrize("ticks", [0, -300_000, 2_000_000, 1 << 32])
+def test_the_sound_goes_on_where_the_clock_jumps(stream: bytes, ticks: int) -> None:
+    """Marked sound that comes late and longer, in a file without a pace: none of it is left out."""
+    sent: deque[Any] = deque()
+
+    def mark() -> bool:
+        if len(sent) <= 3:
+            return False
+        _, epoch, _, pes = sent.popleft()
+        data = write_pes(0xC0, pes.pts, b"\xff" * 200 + b"".join(pes.parts))
+        multiplex.put(epoch, MarkedPes(pes.pts, pes.pts + 12_960, data))
+        return True
+
+    multiplex = Multiplex(0.5, lambda *message: sent.append(message), wait=mark, by_stream=True)
+    out, made, held = bytearray(), shifted(stream, 0) + shifted(stream, ticks), []
+    for at in range(0, len(made), 7 * PACKET):
+        multiplex.take(made[at : at + 7 * PACKET], 0.0)
+        out += b"".join(multiplex.give(0.0))
+        held.append(multiplex.held_bytes)
+    multiplex.end()
+    sent.extend([()] * 3)
+    while mark():
+        pass
+    out += b"".join(multiplex.rest())
+    assert max(held) < 0.4 * len(stream)
+    stamps = []
+    for data in (made, bytes(out)):
+        reader, found = PesReader(), []
+        for packet in packets_of(data, SOUND_PID):
+            found += list(reader.process(packet))
+        stamps.append([one.pts for one in (*found, *reader.flush())])
+    assert reader.lost == 0  # in the output: its packets are numbered through
+    assert stamps[0] == stamps[1]
+    assert multiplex.figures["bypass_seconds_total"] == 0
+
+
+def test_a_clock_that_stands_still_holds_no_more_than_the_limit(
+    stream: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cuecast.live.multiplex.MOST_HELD", 50_000)
+    multiplex = Multiplex(0.5, lambda *message: None, by_stream=True, programme=9)
+    out = bytearray()
+    for at in range(0, len(stream), 7 * PACKET):
+        multiplex.take(stream[at : at + 7 * PACKET], 0.0)
+        out += b"".join(multiplex.give(0.0))
+        assert multiplex.held_bytes <= 50_000
+    assert bytes(out) + b"".join(multiplex.rest()) == stream
 
 
 def test_lost_packets_leave_a_hole_in_the_pes(stream: bytes) -> None:
