@@ -23,6 +23,7 @@ from typing import NoReturn
 from codec.errors import CueError
 from cuecast.command.cache import prepare_cache
 from cuecast.command.errors import UsageError
+from cuecast.command.files import check_outputs
 from cuecast.command.kinds import check_kinds
 from cuecast.command.parser import Parser
 from cuecast.command.progress import printable
@@ -107,6 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args.argv = tuple(sys.argv[1:] if argv is None else argv)
         with _termination_as_interrupt():
             prepare_cache(getattr(args, "cache", None))
+            check_outputs(args)
             check_kinds(args)
             return int(args.run(args))
     except BrokenPipeError:  # the reader of our output has gone: not our failure

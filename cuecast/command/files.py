@@ -1,5 +1,6 @@
 """Files of the command line, and ``-`` as a pipe."""
 
+import argparse
 import io
 import json
 import sys
@@ -10,9 +11,36 @@ from typing import Any, BinaryIO
 
 from codec.errors import BitstreamError, CueError
 from codec.files.whole import whole_file
+from cuecast.command.errors import UsageError
 
 PIPE = "-"
 """Name that stands for the standard input or output."""
+
+_WRITTEN = "output", "target", "report", "plot", "markers", "markers_chart", "propose_map", "record"
+"""Arguments of all verbs that name a file to write."""
+
+
+def check_outputs(args: argparse.Namespace) -> None:
+    """Refuse to write over a file that is read.
+
+    Raises
+    ------
+    UsageError
+        With the file's name.
+    """
+    named = {name: value for name, value in vars(args).items() if name not in ("argv", "verb")}
+    written = [Path(path) for name in _WRITTEN if isinstance(path := named.pop(name, None), str)]
+    for value in named.values():
+        for path in value if isinstance(value, list | tuple) else [value]:
+            if isinstance(path, str) and any(_same_file(path, one) for one in written):
+                raise UsageError(f"{path}: the output would overwrite what is read")
+
+
+def _same_file(path: str, other: Path) -> bool:
+    try:
+        return Path(path).is_file() and other.is_file() and other.samefile(path)
+    except (OSError, ValueError):
+        return False
 
 
 def read_bytes(path: str, most: int = -1) -> bytes:

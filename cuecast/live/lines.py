@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import urlsplit
 
@@ -226,9 +227,11 @@ class Output:
 
     def __init__(self, address: str, inherited: socket.socket | None = None) -> None:
         self._socket: socket.socket | None = None
+        self._new: Path | None = None
         self.sent = 0
         self.ring: Ring | None = None
         if not address.startswith("udp:"):
+            self._new = None if Path(address).exists() else Path(address)
             self._file = _opened(address, "wb")
             return
         parts = urlsplit(address)
@@ -253,6 +256,7 @@ class Output:
             If nobody reads the pipe any more, or the disk is full.
         """
         if self._socket is None:
+            self._new = None
             try:
                 left = memoryview(data)
                 while left:
@@ -273,12 +277,14 @@ class Output:
         return self._socket
 
     def close(self) -> None:
-        """End it."""
+        """End it; a new file that nothing was written to is removed."""
         if self._socket is not None:
             self._socket.close()
         else:
             with contextlib.suppress(OSError):
                 self._file.close()
+            if self._new is not None and self._new.is_file():
+                self._new.unlink(missing_ok=True)
 
 
 def datagrams(data: bytes) -> list[bytes]:

@@ -14,6 +14,7 @@ from cuecast.live.frames import KINDS
 from cuecast.live.options import MarkedPes
 from cuecast.live.packets import (
     NULL_PACKET,
+    PERIOD,
     TICKS_HZ,
     Pes,
     PesReader,
@@ -41,6 +42,10 @@ _STALE = round(0.3 * TICKS_HZ)
 _BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
 """Lateness in ticks: beyond it empty packets, and further packets, carry the sound too."""
 
+_BURST, _LONGEST_BURST = 4, 32
+"""Packets at most in place of one where marked sound is far behind, and half of `_STALE`: sound
+that is left out is heard."""
+
 _RESUMED = 0.2
 """Share of the delay for which marked sound has to be ready before marking resumes after a bypass:
 on a busy machine a shorter stretch would end at once, and each change is a joint in the sound."""
@@ -67,9 +72,9 @@ class Send(Protocol):
         """Take it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Slot:
-    """A packet of the sound: the time stamp of its PES, and whether that begins with it."""
+    """A packet of the sound: its share of its PES's time, and whether that begins with it."""
 
     epoch: int
     pts: int | None
@@ -132,12 +137,13 @@ class Multiplex:
         self._track, self._by_stream = track, by_stream
         self._tables = TableReader(programme)
         self._sound: ElementaryStream | None = None
+        self._chosen = False
         self._reader, self._texts = PesReader(), dict[int, PesReader]()
         self._watch, self._out = watch, PesReader()
         self._kinds: dict[int, str] = {}
         self._leaving = 0
         self._epoch = 0
-        self._pts: int | None = None
+        self._under_way: list[_Slot] = []
         self._held: deque[_HeldPackets] = deque()
         self.held_bytes = 0
         self._due_s = self._stream_s = 0.0
@@ -150,6 +156,7 @@ class Multiplex:
         self._marking = self._exchanging = False
         self._counter = self._pid = 0
         self._last: int | None = None
+        self._now: int | None = None
         self.figures = dict.fromkeys(
             ("packets_total", "packets_lost_total", "marked_seconds_total",
              "bypass_seconds_total", "bypasses_total", "stale_packets_total"), 0.0
@@ -231,14 +238,29 @@ class Multiplex:
         if starts:
             head = payload_of(packet)
             told = len(head) > 13 and head[:3] == b"\x00\x00\x01" and head[7] & 0x80
-            self._pts = read_stamp(head[9:14]) if told else None
-            if self._pts is not None and not self._has_clock:
-                self._follow(self._pts / TICKS_HZ, _LONGEST_PACKET_S)
+            pts = read_stamp(head[9:14]) if told else None
+            if pts is not None and not self._has_clock:
+                self._follow(pts / TICKS_HZ, _LONGEST_PACKET_S)
+            self._share(pts)
+        else:
+            pts = self._under_way[0].pts if self._under_way else None
+        slot = _Slot(self._epoch, pts, starts)
+        self._under_way.append(slot)
         lost = self._reader.lost
         for pes in self._reader.process(packet):
             self._send("sound", self._epoch, self._sound.kind, pes)
         self.figures["packets_lost_total"] += self._reader.lost - lost
-        return _Slot(self._epoch, self._pts, starts)
+        return slot
+
+    def _share(self, pts: int | None) -> None:
+        """Share the time of a PES among its packets, as the next one begins at `pts`."""
+        slots, self._under_way = self._under_way, []
+        if pts is None or not slots or slots[0].pts is None:
+            return
+        start, length = slots[0].pts, step(pts, slots[0].pts)
+        if 0 < length < _LONGEST_PACKET_S * TICKS_HZ:
+            for number, slot in enumerate(slots):
+                slot.pts = (start + length * number // len(slots)) % PERIOD
 
     def _read(self, pes: Pes) -> None:
         if pes.pts is not None and len(pes.parts) == 1:
@@ -255,17 +277,18 @@ class Multiplex:
             if s.kind in ("ttml", "data") and (not s.language or s.language in FRENCH)
         }
         before = self._sound
-        if (before and (before.pid, before.kind)) == (sound and (sound.pid, sound.kind)):
+        same = (before and (before.pid, before.kind)) == (sound and (sound.pid, sound.kind))
+        if same and self._chosen:
             self._sound = sound
             return
         if before is not None:
             for pes in self._reader.flush():
                 self._send("sound", self._epoch, before.kind, pes)
-        self._sound, self._reader = sound, PesReader()
+        self._sound, self._reader, self._chosen = sound, PesReader(), True
         self._epoch += 1
         if sound is not None:
             self._kinds[self._epoch] = sound.kind
-        self._pts = None
+        self._under_way = []
         self._tell(
             f"programme {programme.number}: "
             + (f"sound {sound.kind} on PID {sound.pid}" if sound else "no sound that can be marked")
@@ -297,6 +320,8 @@ class Multiplex:
         """
         while self._held:
             yield self._made(self._held.popleft())
+        while self._marking and self._wait():
+            pass
         while self._pending or (
             self._marking and self._marks and self._marks[0][0] == self._leaving
         ):
@@ -329,10 +354,13 @@ class Multiplex:
         """Return the output in place of a packet of the sound."""
         self._pid, self._leaving = pid_of(packet), slot.epoch
         out = self._decide(slot) if slot.starts else b""
+        self._now = slot.pts
         if not self._marking:
             return out + self._renumbered(packet)
         out += self._next(kept_fields(packet), slot.pts)
-        while self._behind(_FAR_BEHIND) and len(out) < 4 * PACKET:
+        while self._behind(_FAR_BEHIND) and len(out) < _BURST * PACKET:
+            out += self._next()
+        while self._behind(_STALE // 2) and len(out) < _LONGEST_BURST * PACKET:
             out += self._next()
         return out
 
@@ -395,8 +423,10 @@ class Multiplex:
         Where the programme's clock jumped it belongs before the jump; else it is left out.
         """
         marks, out = self._marks, b""
-        count = max(n for n, (_, mark) in enumerate(marks) if _covers(mark, pts))
-        for _ in range(count):
+        first = max(n for n, (_, mark) in enumerate(marks) if _covers(mark, pts))
+        while first and _covers(marks[first - 1][1], pts):
+            first -= 1
+        for _ in range(first):
             while self._pending:
                 out += self._next()
             _, mark = marks.popleft()
@@ -408,15 +438,15 @@ class Multiplex:
 
     def _behind(self, ticks: int) -> bool:
         """Whether marked sound is later than so much."""
-        if self._last is None or not self._marks:
+        if self._now is None or not self._marks:
             return False
-        return step(self._marks[0][1].pts, self._last) < -ticks or (
+        return step(self._marks[0][1].pts, self._now) < -ticks or (
             bool(self._pending) and ticks == _BEHIND
         )
 
     def _next(self, fields: bytes = b"", pts: int | None = None) -> bytes:
         """Return the next packet of marked sound, or an empty one where it would be too early."""
-        pts = self._last if pts is None else pts
+        pts = self._now if pts is None else pts
         if not self._pending and self._marks and pts is not None:
             pes = self._marks[0][1]
             if step(pes.pts, pts) <= pes.end - pes.pts:

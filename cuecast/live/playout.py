@@ -27,6 +27,7 @@ from cuecast.live.pcm import PcmForm, PcmPassage
 from cuecast.live.readiness import Announcer, Condition, Observation, condition_of
 from cuecast.live.succession import Inheritance, ShadowOutput, Succession
 from cuecast.live.worker import PROCESSES, Cuer, Worker, WorkerNote, WorkerState
+from cuecast.media.tables import PACKET
 
 DELAY_S, LOW_DELAY_S = 5.0, 2.5
 """From in to out: the embedder's own delay (2.7 s, 1.4 s low), coding, and time to compute."""
@@ -52,6 +53,9 @@ _OBSERVED_S = 0.25
 
 _SHOWN_CHARACTERS = 200
 """Characters of a caption in the log."""
+
+_LOOKED_AT = 1 << 20
+"""Bytes of a pipe or a file after which something else than packets is an error."""
 
 _PATIENCE_S, _LOADING_S = 120.0, 600.0
 """Seconds without progress of the marking process, and without its being ready, after which the
@@ -149,6 +153,7 @@ class Playout:
         self._observed_s = 0.0
         self._progress, self._progress_s = (0, 0), time.monotonic()
         self._ending = False
+        self._known = paced or route.form is not None
 
     def _new_multiplex(self) -> Multiplex | PcmPassage:
         route, paced = self._route, self._paced
@@ -302,9 +307,31 @@ class Playout:
         """Take what has come, waiting at most that long; return whether some of the programme."""
         arrivals = self._input.take(wait_s)
         self._passage.take(arrivals)
+        if not (self._known or self._stop.is_set()):
+            self._look()
         while self._lines:
             self._passage.caption(self._lines.popleft())
         return bool(arrivals)
+
+    def _look(self) -> None:
+        """Look whether a pipe or a file is a transport stream.
+
+        Raises
+        ------
+        CueError
+            If most of its beginning is something else.
+        """
+        other = self._passage.aligner.dropped
+        size = other + PACKET * int(self._multiplex.figures["packets_total"])
+        if not (size >= _LOOKED_AT or self._input.over):
+            return
+        if 2 * other > size or not size:
+            name = "standard input" if self._route.source == PIPE else self._route.source
+            raise CueError(
+                f"{name}: no transport stream of packets of {PACKET} bytes; "
+                "for programmes in other files there is dub"
+            )
+        self._known = True
 
     def _keep_successor(self) -> None:
         """Keep the playout that stands by informed; start one once this can mark."""

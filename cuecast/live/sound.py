@@ -33,6 +33,9 @@ _LONGEST_GAP_S = 5.0
 _FRAMING = {"aac": 7, "latm": 12}
 """Bytes of a frame that are not the encoder's."""
 
+_UNREAD = 20
+"""Packets without one frame of the sound that the tables promise, until that is told."""
+
 Samples = NDArray[np.float32]
 
 
@@ -128,6 +131,8 @@ class SoundMarker:
         assert self._cutter is not None
         pts = pes.pts
         self._packets += 1
+        if self._packets == _UNREAD and not self._frames:
+            self._tell(f"sound: no frames of {kind}; it passes as it is")
         for number, part in enumerate(pes.parts):
             if number:
                 self._cutter.restart()
@@ -147,7 +152,7 @@ class SoundMarker:
         """Mark plain sound of 48 kHz and two channels as if it had come in as MPEG audio."""
         form = SoundForm(48_000, "stereo", 2)
         run = SoundRun(
-            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, 1, {},
+            "mp2", form, 0, 0.0, 0, self._motion, self._voice, self._options, None, lambda: 1, {},
             lambda: 192_000,
         )  # fmt: skip
         yield from run.process(samples.astype(np.float32))
@@ -250,12 +255,11 @@ class SoundMarker:
         return np.concatenate([silence, waited])[: max(0, late)]
 
     def _new_run(self, sound: Any, stamp: int) -> Any:
-        per_packet = max(1, round(self._frames / max(1, self._packets)))
         form = SoundForm(sound.sample_rate, sound.layout.name, sound.layout.nb_channels)
         joint, self._joint = round(max(0.0, self._joint) * form.fs), 0.0
         return SoundRun(
             self._kind, form, stamp, self._base_s, self._first, self._motion, self._voice,
-            self._options, self._signing, per_packet, self._settings,
+            self._options, self._signing, lambda: self._frames / self._packets, self._settings,
             lambda: self._meter.rate(form.channels),
             joint=joint, rehearsed=self.rehearsed,
         )  # fmt: skip

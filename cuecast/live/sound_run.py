@@ -31,6 +31,9 @@ from watermark.link.superframe import SUPERFRAME_S
 _USUAL_BITS = 64_000
 """Bit/s for one channel where the stream stated none yet."""
 
+_LONGEST_PACKET_S = 0.2
+"""Most sound in a packet: its first frame waits for its last one."""
+
 CODERS = {
     "mp2": ("mp2", "mp2"),
     "aac": ("aac", "aac"),
@@ -58,7 +61,7 @@ class SoundRun:
     def __init__(
         self, kind: str, form: SoundForm, stamp: int, start_s: float, first: int,
         motion: MotionSource, voice: Voice, options: LiveOptions, signing: LiveSigning | None,
-        per_packet: int, settings: dict[str, str], bit_rate: Callable[[], int],
+        packing: Callable[[], float], settings: dict[str, str], bit_rate: Callable[[], int],
         *, joint: int = 0, rehearsed: bool = True,
     ) -> None:  # fmt: skip
         self.fs, self.layout, self.channels = form.fs, form.layout, form.channels
@@ -69,7 +72,7 @@ class SoundRun:
         self._grid_s = start_s + joint / form.fs - first * SUPERFRAME_S
         self._joint, self.rehearsed = joint, rehearsed
         self._ready: list[Samples] = []
-        self._bit_rate, self._per_packet, self._settings = bit_rate, per_packet, settings
+        self._bit_rate, self._packing, self._settings = bit_rate, packing, settings
         self._embedder = self._new_embedder(first)
         self._coder: _Coder | None = None
         self._waiting: list[tuple[int, bytes]] = []
@@ -174,7 +177,7 @@ class SoundRun:
         yield from self._code(self._embedder.flush())
         if self._coder is not None:
             self._waiting += self._coder.flush()
-        yield from self._packets(1)
+            yield from self._packets(least=1)
 
     def _code(self, marked: Samples) -> Iterator[MarkedPes]:
         if not len(marked):
@@ -182,14 +185,16 @@ class SoundRun:
         if self._coder is None:
             self._coder = _Coder(self._kind, self.fs, self.layout, self._bit_rate(), self._settings)
         self._waiting += self._coder.process(marked)
-        yield from self._packets(self._per_packet)
+        yield from self._packets()
 
-    def _packets(self, count: int) -> Iterator[MarkedPes]:
-        """Yield packets of `count` frames, and keep the rest."""
-        while self._waiting and len(self._waiting) >= count:
+    def _packets(self, least: int = 0) -> Iterator[MarkedPes]:
+        """Yield packets of as many frames as those that came in; keep less than `least` of them."""
+        assert self._coder is not None
+        longest = int(_LONGEST_PACKET_S * self.fs) // self._coder.frame_size
+        count = max(1, min(round(self._packing()), longest))
+        while len(self._waiting) >= (least or count):
             frames, self._waiting = self._waiting[:count], self._waiting[count:]
             begin = self._zero + frames[0][0] * TICKS_HZ // self.fs
-            assert self._coder is not None
             end = begin + len(frames) * self._coder.frame_size * TICKS_HZ // self.fs
             data = b"".join(framed(self._kind, f, self.fs, self.channels) for _, f in frames)
             stream_id = 0xBD if self._kind in ("ac3", "eac3") else 0xC0

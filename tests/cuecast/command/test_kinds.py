@@ -32,6 +32,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
+    "words",
+    ["synth --file a.srt -o a.srt", "playout a.srt ./a.srt", "dub a.wav --subtitles a.srt -o a.wav",
+     "receive a.wav --markers a.wav", "dub a.wav --subtitles a.srt -o b.wav --report a.srt"],
+)  # fmt: skip
+def test_what_is_read_is_not_written_over(
+    words: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    before = [(folder / name).read_bytes() for name in ("a.srt", "a.wav")]
+    assert main(words.split()) == 2
+    assert "the output would overwrite what is read" in capsys.readouterr().err
+    assert [(folder / name).read_bytes() for name in ("a.srt", "a.wav")] == before
+
+
+@pytest.mark.parametrize(
     ("name", "kind"),
     [("m.npz", "motion"), ("s.cue", "stream"), ("other.npz", "archive"), ("a.wav", "media"),
      ("p.png", "picture"), ("a.srt", None), ("none", None), (".", None)],

@@ -102,6 +102,10 @@ def test_a_frugal_line_keeps_its_cuer(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(["receive", names[1], "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["superframes"]["received"] >= 15
+    sizes = [(tmp_path / name).stat().st_size for name in ("a.ts", "b.ts")]
+    assert sizes[1] < 1.03 * sizes[0]  # packets hold as many frames as before
+    stamps = sound_packets(tmp_path / "b.ts")
+    assert max(np.diff(stamps)) < 1.1 * 90_000 * 1024 / FS
 
 
 def sound_packets(path: Path) -> list[int]:
@@ -155,11 +159,13 @@ def test_usage(air: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         assert message in capsys.readouterr().err
     for given, message in [
         (["playout", str(tmp_path / "none.ts"), str(tmp_path / "x.ts")], "none.ts"),
+        (["playout", str(air / "a.srt"), str(tmp_path / "x.ts")], "a.srt: no transport stream"),
         (["playout", "-", "-", "--port", "0", "--host", "0.0.0.0"], "needs --token-file"),
         (["playout", "-", "-", "--port", "0", "--token-file", str(token)], "this one 3"),
     ]:
         assert main(given) == 3
         assert message in capsys.readouterr().err
+    assert not (tmp_path / "x.ts").exists()
 
 
 def free_port() -> int:
