@@ -11,19 +11,17 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cuecast.live.frames import KINDS
+from cuecast.live.marked_sound import STALE, MarkedSound
 from cuecast.live.options import MarkedPes
 from cuecast.live.packets import (
-    NULL_PACKET,
     PERIOD,
     TICKS_HZ,
     Pes,
     PesReader,
     clock_of,
     kept_fields,
-    packed,
     pid_of,
     read_stamp,
-    room,
     step,
 )
 from cuecast.media.subtitles import FRENCH
@@ -36,14 +34,11 @@ from cuecast.media.tables import (
     payload_of,
 )
 
-_STALE = round(0.3 * TICKS_HZ)
-"""Marked sound that is later than this is not sent any more."""
-
 _BEHIND, _FAR_BEHIND = round(0.02 * TICKS_HZ), round(0.08 * TICKS_HZ)
 """Lateness in ticks: beyond it empty packets, and further packets, carry the sound too."""
 
 _BURST, _LONGEST_BURST = 4, 32
-"""Packets at most in place of one where marked sound is far behind, and half of `_STALE`: sound
+"""Packets at most in place of one where marked sound is far behind, and half of `STALE`: sound
 that is left out is heard."""
 
 _RESUMED = 0.2
@@ -74,11 +69,15 @@ class Send(Protocol):
 
 @dataclass(slots=True)
 class _Slot:
-    """A packet of the sound: its share of its PES's time, and whether that begins with it."""
+    """A packet of the sound: its share of its PES's time, whether that begins with it, and its end.
+
+    The end is that of a PES that begins with it, once it is known.
+    """
 
     epoch: int
     pts: int | None
     starts: bool
+    end: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +120,6 @@ class Multiplex:
     Attributes
     ----------
     figures : dict of str to float
-    marks : int
-        Marked packets that came in.
     held_bytes : int
         How much waits.
     """
@@ -149,12 +146,7 @@ class Multiplex:
         self._due_s = self._stream_s = 0.0
         self._clock_s: float | None = None
         self._has_clock = False
-        self._marks: deque[tuple[int, MarkedPes]] = deque()
-        self.marks = 0
-        self._pending, self._begins = b"", False
-        self._until: int | None = None
-        self._marking = self._exchanging = False
-        self._counter = self._pid = 0
+        self._marked, self._marking = MarkedSound(), False
         self._last: int | None = None
         self._now: int | None = None
         self.figures = dict.fromkeys(
@@ -173,6 +165,11 @@ class Multiplex:
     def marking(self) -> bool:
         """Whether the sound that goes out is marked."""
         return self._marking
+
+    @property
+    def marks(self) -> int:
+        """Marked packets that came in."""
+        return self._marked.came
 
     @property
     def audible(self) -> bool:
@@ -259,6 +256,7 @@ class Multiplex:
             return
         start, length = slots[0].pts, step(pts, slots[0].pts)
         if 0 < length < _LONGEST_PACKET_S * TICKS_HZ:
+            slots[0].end = pts
             for number, slot in enumerate(slots):
                 slot.pts = (start + length * number // len(slots)) % PERIOD
 
@@ -296,8 +294,7 @@ class Multiplex:
 
     def put(self, epoch: int, pes: MarkedPes) -> None:
         """Take a marked packet."""
-        self.marks += 1
-        self._marks.append((epoch, pes))
+        self._marked.put(epoch, pes)
 
     def end(self) -> None:
         """Tell that nothing more comes."""
@@ -322,10 +319,8 @@ class Multiplex:
             yield self._made(self._held.popleft())
         while self._marking and self._wait():
             pass
-        while self._pending or (
-            self._marking and self._marks and self._marks[0][0] == self._leaving
-        ):
-            yield self._next(pts=self._marks[0][1].pts if self._marks else None)
+        if self._marking:
+            yield self._marked.last(self._leaving)
 
     def _made(self, held: _HeldPackets) -> bytes:
         self._due_s = held.due_s
@@ -338,30 +333,30 @@ class Multiplex:
             slot = held.slots.get(at)
             if slot is not None:
                 out += self._exchanged(packet, slot)
-            elif self._marking and pid_of(packet) == NULL_PID and self._behind(_BEHIND):
-                out += self._next()
+            elif self._marking and pid_of(packet) == NULL_PID and self._behind():
+                out += self._marked.next(self._now)
             else:
                 out += packet
         if self._watch is not None and self._leaving in self._kinds:
             for at in range(0, len(out), PACKET):
                 packet = bytes(out[at : at + PACKET])
-                if pid_of(packet) == self._pid:
+                if pid_of(packet) == self._marked.pid:
                     for pes in self._out.process(packet):
                         self._watch.sound(self._kinds[self._leaving], pes)
         return bytes(out)
 
     def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
         """Return the output in place of a packet of the sound."""
-        self._pid, self._leaving = pid_of(packet), slot.epoch
+        marked = self._marked
+        marked.pid, self._leaving = pid_of(packet), slot.epoch
         out = self._decide(slot) if slot.starts else b""
         self._now = slot.pts
         if not self._marking:
-            return out + self._renumbered(packet)
-        out += self._next(kept_fields(packet), slot.pts)
-        while self._behind(_FAR_BEHIND) and len(out) < _BURST * PACKET:
-            out += self._next()
-        while self._behind(_STALE // 2) and len(out) < _LONGEST_BURST * PACKET:
-            out += self._next()
+            return out + marked.renumbered(packet)
+        out += marked.next(slot.pts, kept_fields(packet))
+        for late, most in ((_FAR_BEHIND, _BURST), (STALE // 2, _LONGEST_BURST)):
+            while marked.late(slot.pts) > late and len(out) < most * PACKET:
+                out += marked.next(slot.pts)
         return out
 
     def _decide(self, slot: _Slot) -> bytes:
@@ -371,9 +366,9 @@ class Multiplex:
             return b""
         jumped = before is not None and not 0 <= step(pts, before) < _LONGEST_PACKET_S * TICKS_HZ
         follows = self._marking and not jumped
-        ready = self._ready(slot.epoch, pts, follows=follows)
+        ready = self._ready(slot, pts, follows=follows)
         while not ready and self._wait():
-            ready = self._ready(slot.epoch, pts, follows=follows)
+            ready = self._ready(slot, pts, follows=follows)
         self._last = pts
         length = 0 if before is None else step(pts, before)
         if 0 < length < TICKS_HZ:
@@ -383,98 +378,28 @@ class Multiplex:
                 self._watch.went_out(before, length, self._marking)
         out = b""
         if ready and not follows:
-            out = self._before(pts)
-            self._exchanging = True
+            out = self._marked.begin(pts, jumped=self._marking)
         elif not ready and self._marking:
-            while self._pending:
-                out += self._next()
+            out = self._marked.rest(pts)
             self.figures["bypasses_total"] += 1
         self._marking = ready
         return out
 
-    def _ready(self, epoch: int, pts: int, *, follows: bool) -> bool:
-        """Whether there is marked sound for a PES of this time, and not only for later ones.
+    def _ready(self, slot: _Slot, pts: int, *, follows: bool) -> bool:
+        """Whether marked sound covers most of a PES that begins at `pts`, without a hole.
 
         `follows`: marked sound goes out up to this PES.
         """
-        marks = self._marks
-        jumped = self._marking and not follows
-        while marks and (
-            marks[0][0] < epoch or (step(marks[0][1].end, pts) < -_STALE and not jumped)
-        ):
-            marks.popleft()
-            self.figures["stale_packets_total"] += 1
-        if follows and self._until is not None:
-            if step(self._until, pts) > _BEHIND:  # its marked sound is under way
-                return True
-            first = marks[0][1] if marks else None
-            if first is None or step(first.pts, self._until) > first.end - first.pts:
-                return False
-        elif not any(e == epoch and _covers(mark, pts) for e, mark in marks):
-            return False
-        last = next((m for e, m in reversed(marks) if e == epoch), None)
-        resumes = not self._marking and self.figures["bypasses_total"] > 0
-        least = round(_RESUMED * self._delay_s * TICKS_HZ) if resumes else 0
-        return last is not None and step(last.end, pts) > least
+        self._marked.forget(slot.epoch, pts, jumped=self._marking and not follows)
+        self.figures["stale_packets_total"] = self._marked.stale
+        wanted = 1 if slot.end is None else (step(slot.end, pts) + 1) // 2
+        if not self._marking and self.figures["bypasses_total"]:
+            wanted = max(wanted, round(_RESUMED * self._delay_s * TICKS_HZ))
+        return self._marked.covers(slot.epoch, pts, wanted, follows=follows)
 
-    def _before(self, pts: int) -> bytes:
-        """Return the rest of marked sound before that of this time, which follows.
-
-        Where the programme's clock jumped it belongs before the jump; else it is left out.
-        """
-        marks, out = self._marks, b""
-        first = max(n for n, (_, mark) in enumerate(marks) if _covers(mark, pts))
-        while first and _covers(marks[first - 1][1], pts):
-            first -= 1
-        for _ in range(first):
-            while self._pending:
-                out += self._next()
-            _, mark = marks.popleft()
-            if self._marking:
-                self._pending, self._begins = mark.data, True
-        while self._pending:
-            out += self._next()
-        return out
-
-    def _behind(self, ticks: int) -> bool:
-        """Whether marked sound is later than so much."""
-        if self._now is None or not self._marks:
-            return False
-        return step(self._marks[0][1].pts, self._now) < -ticks or (
-            bool(self._pending) and ticks == _BEHIND
-        )
-
-    def _next(self, fields: bytes = b"", pts: int | None = None) -> bytes:
-        """Return the next packet of marked sound, or an empty one where it would be too early."""
-        pts = self._now if pts is None else pts
-        if not self._pending and self._marks and pts is not None:
-            pes = self._marks[0][1]
-            if step(pes.pts, pts) <= pes.end - pes.pts:
-                self._marks.popleft()
-                self._pending, self._begins, self._until = pes.data, True, pes.end
-        if not self._pending:
-            if not fields:
-                return NULL_PACKET
-            return packed(self._pid, self._counter, b"", starts=False, fields=fields)
-        size = room(fields)
-        payload, self._pending = self._pending[:size], self._pending[size:]
-        self._counter = (self._counter + 1) & 15
-        starts, self._begins = self._begins, False
-        return packed(self._pid, self._counter, payload, starts=starts, fields=fields)
-
-    def _renumbered(self, packet: bytes) -> bytes:
-        """Return a packet of the sound with the counter that follows, once there was another."""
-        if not self._exchanging:
-            self._counter = packet[3] & 15
-            return packet
-        if packet[3] & 0x10:
-            self._counter = (self._counter + 1) & 15
-        return packet[:3] + bytes([packet[3] & 0xF0 | self._counter]) + packet[4:]
-
-
-def _covers(mark: MarkedPes, pts: int) -> bool:
-    """Whether marked sound of this time begins at most its own length after it."""
-    return step(mark.pts, pts) <= mark.end - mark.pts and step(mark.end, pts) > 0
+    def _behind(self) -> bool:
+        """Whether marked sound is so late that an empty packet is to carry it."""
+        return self._marked.late(self._now) > _BEHIND or self._marked.under_way
 
 
 def chosen_sound(programme: ProgrammeMap, track: int) -> ElementaryStream | None:

@@ -23,6 +23,7 @@ from codec.cuer.voice import load_voice
 from cuecast.demo.content import FS, make_sound
 from cuecast.live.aligner import Aligner
 from cuecast.live.frames import FrameCutter, framed
+from cuecast.live.marked_sound import MarkedSound
 from cuecast.live.multiplex import Multiplex
 from cuecast.live.options import LiveOptions, MarkedPes
 from cuecast.live.packets import (
@@ -264,6 +265,31 @@ def test_a_hole_in_the_marked_sound_is_bypassed(stream: bytes) -> None:
     assert max(lengths) <= 2 * 12_960
     assert 0.2 < multiplex.figures["bypass_seconds_total"] < 1.0
     assert multiplex.figures["bypasses_total"] == 1
+
+
+def test_marked_sound_covers_a_packet_without_a_hole() -> None:
+    """Sound that ends within a long packet was taken for all of it: a quarter of a second fell out.
+
+    On the way back to the programme's own sound the rest of the marked one goes out first.
+    """
+    sound, frame = MarkedSound(), 1920
+    for n in (*range(100, 112), *range(130, 200)):
+        sound.put(1, MarkedPes(n * frame, (n + 1) * frame, write_pes(0xC0, n * frame, b"x" * 300)))
+    assert sound.covers(1, 104 * frame, 4 * frame, follows=False)
+    assert not sound.covers(1, 109 * frame, 4 * frame, follows=False)
+    assert not sound.covers(1, 120 * frame, 4 * frame, follows=False)
+    assert not sound.covers(2, 104 * frame, 4 * frame, follows=False)
+    sound.begin(104 * frame, jumped=False)
+    sound.next(104 * frame)
+    assert sound.until == 105 * frame
+    assert sound.covers(1, 108 * frame, 4 * frame, follows=True)
+    assert not sound.covers(1, 109 * frame, 4 * frame, follows=True)
+    reader, rest = PesReader(), sound.rest(112 * frame)
+    packets = [rest[at : at + PACKET] for at in range(0, len(rest), PACKET)]
+    found = [one for packet in packets for one in reader.process(packet)]
+    assert [one.pts for one in found] == [n * frame for n in range(105, 112)]
+    assert sound.until == 112 * frame
+    assert sound.covers(1, 130 * frame, 9 * frame, follows=False)
 
 
 def test_short_packets_leave_evenly_in_place_of_long_ones(stream: bytes) -> None:
