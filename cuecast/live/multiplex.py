@@ -131,7 +131,7 @@ class Multiplex:
         programme: int | None = None, watch: Watch | None = None,
     ) -> None:  # fmt: skip
         self._delay_s, self._send, self._tell, self._wait = delay_s, send, tell, wait
-        self._track, self._by_stream = track, by_stream
+        self._track, self._by_stream, self._programme = track, by_stream, programme
         self._tables = TableReader(programme)
         self._sound: ElementaryStream | None = None
         self._chosen = False
@@ -287,10 +287,18 @@ class Multiplex:
         if sound is not None:
             self._kinds[self._epoch] = sound.kind
         self._under_way = []
-        self._tell(
-            f"programme {programme.number}: "
-            + (f"sound {sound.kind} on PID {sound.pid}" if sound else "no sound that can be marked")
-        )
+        self._tell(self._choice(programme, sound))
+
+    def _choice(self, programme: ProgrammeMap, sound: ElementaryStream | None) -> str:
+        """Say the programme and the sound, and where they are not those that were asked for."""
+        line = f"programme {programme.number}"
+        if self._programme not in (None, programme.number):
+            line += f" (there is no {self._programme})"
+        if sound is None:
+            return f"{line}: no sound that can be marked"
+        line += f": sound {sound.kind} on PID {sound.pid}"
+        sounds = sum(stream.kind in KINDS for stream in programme.streams)
+        return line if self._track < sounds else f"{line} (there is no sound {self._track})"
 
     def put(self, epoch: int, pes: MarkedPes) -> None:
         """Take a marked packet."""

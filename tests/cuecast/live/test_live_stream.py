@@ -426,6 +426,24 @@ def test_a_sound_on_another_pid_is_followed(stream: bytes) -> None:
     assert {epoch for _, epoch, _, _ in sent} == {1}
 
 
+@pytest.mark.parametrize(
+    ("track", "programme", "line"),
+    [(1, None, "programme 1: sound aac on PID 258"),
+     (1, 1, "programme 1: sound aac on PID 258"),
+     (2, None, "programme 1: sound mp2 on PID 257 (there is no sound 2)"),
+     (0, 7, "programme 1 (there is no 7): sound mp2 on PID 257")],
+)  # fmt: skip
+def test_another_sound_than_the_one_asked_for_is_said(
+    stream: bytes, track: int, programme: int | None, line: str
+) -> None:
+    told: list[str] = []
+    multiplex = Multiplex(
+        0.1, lambda *message: None, track=track, programme=programme, tell=told.append
+    )
+    run(multiplex, stream)
+    assert told == [line]
+
+
 def marked(
     kind: str, sound: NDArray[np.float32], start: int
 ) -> tuple[SoundMarker, list[MarkedPes]]:
