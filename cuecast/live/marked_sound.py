@@ -23,12 +23,12 @@ class MarkedSound:
         Packets that came in, and that came too late to go out.
     pid : int
         Of the sound that leaves.
-    until : int or None
-        End of the last packet that began to go out.
+    epoch, until : int and int or None
+        Number of the sound that goes out, and the end of its last packet that began to.
     """
 
     def __init__(self) -> None:
-        self.came = self.stale = self.pid = 0
+        self.came = self.stale = self.pid = self.epoch = 0
         self.until: int | None = None
         self._waiting: deque[tuple[int, MarkedPes]] = deque()
         self._pending, self._begins = b"", False
@@ -39,12 +39,10 @@ class MarkedSound:
         self.came += 1
         self._waiting.append((epoch, pes))
 
-    def forget(self, epoch: int, pts: int, *, jumped: bool) -> None:
-        """Leave out marked packets of a former sound, and late ones unless the clock jumped."""
+    def forget(self, epoch: int, pts: int) -> None:
+        """Leave out marked packets of this sound that come too late for `pts`."""
         waiting = self._waiting
-        while waiting and (
-            waiting[0][0] < epoch or (step(waiting[0][1].end, pts) < -STALE and not jumped)
-        ):
+        while waiting and waiting[0][0] == epoch and step(waiting[0][1].end, pts) < -STALE:
             waiting.popleft()
             self.stale += 1
 
@@ -63,59 +61,54 @@ class MarkedSound:
         if follows and self.until is not None:
             first, reached = 0, self.until
         else:
-            first = self._first(pts)
+            first = self._first(epoch, pts)
             if first == len(waiting):
                 return False
             reached = waiting[first][1].pts
         for number, mark in itertools.islice(waiting, first, None):
-            if (
-                step(reached, pts) >= wanted
-                or number != epoch
-                or step(mark.pts, reached) > mark.end - mark.pts
-            ):
+            if step(reached, pts) >= wanted or number != epoch or not _follows(mark, reached):
                 break
             reached = mark.end
         return step(reached, pts) >= wanted
 
-    def _first(self, pts: int) -> int:
+    def _first(self, epoch: int, pts: int) -> int:
         """Return the place of the marked packet that this time begins with, past all if none does.
 
-        Behind a jump of the clock it comes after those of before.
+        It begins at most its own length later.
         """
-        covering = [
-            n
-            for n, (_, mark) in enumerate(self._waiting)
-            if step(mark.pts, pts) <= mark.end - mark.pts and step(mark.end, pts) > 0
-        ]
-        while len(covering) > 1 and covering[-2] == covering[-1] - 1:
-            covering.pop()
-        return covering[-1] if covering else len(self._waiting)
+        for place, (number, mark) in enumerate(self._waiting):
+            if (
+                number == epoch
+                and step(mark.pts, pts) <= mark.end - mark.pts
+                and step(mark.end, pts) > 0
+            ):
+                return place
+        return len(self._waiting)
 
-    def begin(self, pts: int, *, jumped: bool) -> bytes:
-        """Go on with the marked sound of this time; return the packets of that before.
+    def begin(self, epoch: int, pts: int, before: int | None) -> bytes:
+        """Go on with the marked sound of this time, which `covers` found.
 
-        It belongs there where the programme's clock jumped; else it is left out.
+        Return the packets of that before it with the number `before`; others are left out.
         """
-        out = self._whole()
-        for _ in range(self._first(pts)):
-            _, mark = self._waiting.popleft()
-            out += self._whole(mark) if jumped else b""
-        return out
+        out = b"" if before is None else self.last(before)
+        for _ in range(self._first(epoch, pts)):
+            self._waiting.popleft()
+        self.epoch, self.until = epoch, self._waiting[0][1].pts
+        return out + self._whole()
 
     def rest(self, pts: int) -> bytes:
         """Return the packets up to this time, whose own sound follows."""
-        out, waiting = self._whole(), self._waiting
-        while waiting and self.until is not None:
-            mark = waiting[0][1]
-            length = mark.end - mark.pts
-            if step(mark.pts, self.until) > length or step(mark.end, pts) > length // 2:
-                break
-            out += self._whole(waiting.popleft()[1])
+        out = self._whole()
+        while (mark := self._following()) and step(mark.end, pts) <= (mark.end - mark.pts) // 2:
+            self._waiting.popleft()
+            out += self._whole(mark)
         return out
 
     def last(self, epoch: int) -> bytes:
-        """Return all packets of the sound with this number."""
+        """Return all packets of the sound with this number, leaving out those of former ones."""
         out = self._whole()
+        while self._waiting and self._waiting[0][0] < epoch:
+            self._waiting.popleft()
         while self._waiting and self._waiting[0][0] == epoch:
             out += self._whole(self._waiting.popleft()[1])
         return out
@@ -132,25 +125,30 @@ class MarkedSound:
 
     def late(self, pts: int | None) -> int:
         """Return how far the next marked packet is behind this time."""
-        if pts is None or not self._waiting:
-            return 0
-        return step(pts, self._waiting[0][1].pts)
+        mark = self._following()
+        return 0 if pts is None or mark is None else step(pts, mark.pts)
+
+    def _following(self) -> MarkedPes | None:
+        """Return the next marked packet of the sound, None behind a hole."""
+        if not self._waiting or self.until is None:
+            return None
+        epoch, mark = self._waiting[0]
+        return mark if epoch == self.epoch and _follows(mark, self.until) else None
 
     @property
     def under_way(self) -> bool:
         """Whether a packet is going out while the next one waits."""
-        return bool(self._pending and self._waiting)
+        return bool(self._pending) and self._following() is not None
 
     def next(self, pts: int | None, fields: bytes = b"") -> bytes:
         """Return the next packet, or an empty one where its sound would be too early at `pts`.
 
         `fields` are those of the packet whose place it takes.
         """
-        if not self._pending and self._waiting and pts is not None:
-            mark = self._waiting[0][1]
-            if step(mark.pts, pts) <= mark.end - mark.pts:
-                self._waiting.popleft()
-                self._start(mark)
+        mark = None if self._pending or pts is None else self._following()
+        if mark is not None and step(mark.pts, pts or 0) <= mark.end - mark.pts:
+            self._waiting.popleft()
+            self._start(mark)
         if self._pending:
             return self._piece(fields)
         if not fields:
@@ -175,3 +173,8 @@ class MarkedSound:
         if packet[3] & 0x10:
             self._counter = (self._counter + 1) & 15
         return packet[:3] + bytes([packet[3] & 0xF0 | self._counter]) + packet[4:]
+
+
+def _follows(mark: MarkedPes, until: int) -> bool:
+    """Whether marked sound begins at most its own length from the end of that before."""
+    return abs(step(mark.pts, until)) <= mark.end - mark.pts

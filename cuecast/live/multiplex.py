@@ -52,7 +52,7 @@ _LONGEST_TICK_S = 1.0
 """A greater step of the stream's clock is a new beginning of it."""
 
 _LONGEST_PACKET_S = 6.0
-"""A greater step between the time stamps of the sound likewise, where it is the clock."""
+"""A greater step between the time stamps of the sound likewise, and one back by `STALE`."""
 
 READ_ON_S, MOST_HELD = 12.0, 256 << 20
 """Seconds beyond the delay, by the stream's own clock, that packets wait for marked sound at most;
@@ -141,6 +141,7 @@ class Multiplex:
         self._leaving = 0
         self._epoch = 0
         self._under_way: list[_Slot] = []
+        self._heard: int | None = None
         self._held: deque[_HeldPackets] = deque()
         self.held_bytes = 0
         self._due_s = self._stream_s = 0.0
@@ -239,6 +240,8 @@ class Multiplex:
             if pts is not None and not self._has_clock:
                 self._follow(pts / TICKS_HZ, _LONGEST_PACKET_S)
             self._share(pts)
+            if pts is not None:
+                self._join(pts)
         else:
             pts = self._under_way[0].pts if self._under_way else None
         slot = _Slot(self._epoch, pts, starts)
@@ -248,6 +251,17 @@ class Multiplex:
             self._send("sound", self._epoch, self._sound.kind, pes)
         self.figures["packets_lost_total"] += self._reader.lost - lost
         return slot
+
+    def _join(self, pts: int) -> None:
+        """Begin another sound where the time stamps of this one jump."""
+        before, self._heard = self._heard, pts
+        if before is None or -STALE <= step(pts, before) < _LONGEST_PACKET_S * TICKS_HZ:
+            return
+        assert self._sound is not None
+        self.end()
+        self._epoch += 1
+        self._kinds[self._epoch] = self._sound.kind
+        self._tell(f"sound: a jump by {step(pts, before) / TICKS_HZ:.1f} s")
 
     def _share(self, pts: int | None) -> None:
         """Share the time of a PES among its packets, as the next one begins at `pts`."""
@@ -286,7 +300,8 @@ class Multiplex:
         self._epoch += 1
         if sound is not None:
             self._kinds[self._epoch] = sound.kind
-        self._under_way = []
+            self._kinds[self._epoch] = sound.kind
+        self._under_way, self._heard = [], None
         self._tell(self._choice(programme, sound))
 
     def _choice(self, programme: ProgrammeMap, sound: ElementaryStream | None) -> str:
@@ -356,8 +371,10 @@ class Multiplex:
     def _exchanged(self, packet: bytes, slot: _Slot) -> bytes:
         """Return the output in place of a packet of the sound."""
         marked = self._marked
-        marked.pid, self._leaving = pid_of(packet), slot.epoch
-        out = self._decide(slot) if slot.starts else b""
+        same = marked.pid == pid_of(packet)
+        marked.pid = pid_of(packet)
+        out = self._decide(slot, same=same) if slot.starts else b""
+        self._leaving = slot.epoch
         self._now = slot.pts
         if not self._marking:
             return out + marked.renumbered(packet)
@@ -367,12 +384,14 @@ class Multiplex:
                 out += marked.next(slot.pts)
         return out
 
-    def _decide(self, slot: _Slot) -> bytes:
-        """Choose at a PES's start whether marked sound goes out; return the packets still open."""
-        pts, before = slot.pts, self._last
+    def _decide(self, slot: _Slot, *, same: bool) -> bytes:
+        """Choose at a PES's start whether marked sound goes out; return the packets still open.
+
+        `same`: the sound before had this PID too.
+        """
+        pts, before, jumped = slot.pts, self._last, slot.epoch != self._leaving
         if pts is None:
             return b""
-        jumped = before is not None and not 0 <= step(pts, before) < _LONGEST_PACKET_S * TICKS_HZ
         follows = self._marking and not jumped
         ready = self._ready(slot, pts, follows=follows)
         while not ready and self._wait():
@@ -386,9 +405,10 @@ class Multiplex:
                 self._watch.went_out(before, length, self._marking)
         out = b""
         if ready and not follows:
-            out = self._marked.begin(pts, jumped=self._marking)
+            rest = self._leaving if self._marking and same else None
+            out = self._marked.begin(slot.epoch, pts, rest)
         elif not ready and self._marking:
-            out = self._marked.rest(pts)
+            out = self._marked.last(self._leaving) if jumped and same else self._marked.rest(pts)
             self.figures["bypasses_total"] += 1
         self._marking = ready
         return out
@@ -398,7 +418,7 @@ class Multiplex:
 
         `follows`: marked sound goes out up to this PES.
         """
-        self._marked.forget(slot.epoch, pts, jumped=self._marking and not follows)
+        self._marked.forget(slot.epoch, pts)
         self.figures["stale_packets_total"] = self._marked.stale
         wanted = 1 if slot.end is None else (step(slot.end, pts) + 1) // 2
         if not self._marking and self.figures["bypasses_total"]:

@@ -279,7 +279,7 @@ def test_marked_sound_covers_a_packet_without_a_hole() -> None:
     assert not sound.covers(1, 109 * frame, 4 * frame, follows=False)
     assert not sound.covers(1, 120 * frame, 4 * frame, follows=False)
     assert not sound.covers(2, 104 * frame, 4 * frame, follows=False)
-    sound.begin(104 * frame, jumped=False)
+    sound.begin(1, 104 * frame, None)
     sound.next(104 * frame)
     assert sound.until == 105 * frame
     assert sound.covers(1, 108 * frame, 4 * frame, follows=True)
@@ -346,9 +346,10 @@ def shifted(stream: bytes, ticks: int) -> bytes:
     return bytes(out)
 
 
+@pytest.mark.parametrize("early", [False, True])
 @pytest.mark.parametrize("ticks", [0, -300_000, 2_000_000, 1 << 32])
-def test_the_sound_goes_on_where_the_clock_jumps(stream: bytes, ticks: int) -> None:
-    """Marked sound that comes late and longer, in a file without a pace: none of it is left out."""
+def test_the_sound_goes_on_where_the_clock_jumps(stream: bytes, ticks: int, early: bool) -> None:
+    """Marked sound that comes late, or early, and longer: none is left out or sent too early."""
     sent: deque[Any] = deque()
 
     def mark() -> bool:
@@ -363,6 +364,8 @@ def test_the_sound_goes_on_where_the_clock_jumps(stream: bytes, ticks: int) -> N
     out, made, held = bytearray(), shifted(stream, 0) + shifted(stream, ticks), []
     for at in range(0, len(made), 7 * PACKET):
         multiplex.take(made[at : at + 7 * PACKET], 0.0)
+        while early and mark():
+            pass
         out += b"".join(multiplex.give(0.0))
         held.append(multiplex.held_bytes)
     multiplex.end()
