@@ -7,6 +7,9 @@ import sys
 CARRIERS = ("audio", "video", "a335")
 """Ways to put a cuer into a programme."""
 
+_MOST_BITS = 400_000_000
+"""Most bit/s of pictures: three times those of Ultra HD on a disc."""
+
 REST_S = 0.5
 """Rest before a plain text: the hand sets out a quarter of a second before the first phone."""
 
@@ -273,16 +276,17 @@ def grade(text: str) -> float:
 
 
 def bit_rate(text: str) -> int:
-    """Read a bit rate; a final ``k`` means thousands.
+    """Read a bit rate; a final ``k`` means thousands, ``M`` millions.
 
     Examples
     --------
-    >>> bit_rate("128k"), bit_rate("64000")
-    (128000, 64000)
+    >>> bit_rate("128k"), bit_rate("6M"), bit_rate("64000")
+    (128000, 6000000, 64000)
     """
-    value = float(text[:-1]) * 1000 if text[-1:] in ("k", "K") else float(text)
-    if not (1 <= value <= 10_000_000):
-        raise argparse.ArgumentTypeError(f"{text} is not a bit rate from 1 to 10000k")
+    factor = {"k": 1_000, "K": 1_000, "M": 1_000_000}.get(text[-1:], 1)
+    value = float(text if factor == 1 else text[:-1]) * factor
+    if not (1 <= value <= _MOST_BITS):
+        raise argparse.ArgumentTypeError(f"{text} is not a bit rate from 1 to 400M")
     return round(value)
 
 

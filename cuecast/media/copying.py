@@ -75,6 +75,7 @@ class Copies:
     def __init__(self, source: Any, target: Any) -> None:
         self._target, self._source = target, source.format.name
         self._copies: dict[int, Any] = {}
+        self._written: dict[int, int] = {}
         self.left_out: list[str] = []
         copy_tags(source.metadata, target.metadata)
         if source.chapters():
@@ -115,7 +116,21 @@ class Copies:
             packet.pts -= shift
         if packet.dts is not None:
             packet.dts -= shift
+            if not self._in_order(packet):
+                return
         self._target.mux(packet)
+
+    def _in_order(self, packet: Any) -> bool:
+        """Move a packet behind that before it, where streams overlap at a joint; not sound."""
+        before = self._written.get(packet.stream.index)
+        steady = packet.stream.type in ("audio", "video")  # texts may begin together
+        if before is not None and packet.dts < before + steady:
+            if packet.stream.type == "audio":
+                return False
+            packet.dts = before + 1
+            packet.pts = None if packet.pts is None else max(packet.pts, packet.dts)
+        self._written[packet.stream.index] = packet.dts
+        return True
 
 
 def copy_labels(source: Any, target: Any) -> None:

@@ -18,6 +18,7 @@ from av.container import InputContainer
 from av.stream import Disposition
 
 from codec.errors import CueError
+from receiver.media.joints import FORMATS, Joints
 
 _EXACT_DURATION = {"mov", "mp4", "matroska", "flac", "wav", "aiff"}
 """Containers whose headers state the length exactly; others estimate it."""
@@ -115,6 +116,7 @@ class Programme:
         self._later = ExitStack()
         self._end_s = 0.0
         self._cut_short = cut_short
+        self._joints = Joints()
         sounds = container.streams.audio
         self.picture: Any = next(
             (s for s in container.streams.video if not _is_attached_picture(s)), None
@@ -193,6 +195,8 @@ class Programme:
     def packets(self, *, follow: bool = False) -> Iterator[Any]:
         """Yield the packets of all streams as they stand in the container.
 
+        Where the clock of a recording jumps, their time stamps go on.
+
         Parameters
         ----------
         follow : bool
@@ -225,8 +229,11 @@ class Programme:
         return self.container.format.name == "mpegts"
 
     def _read(self, reading: InputContainer) -> Iterator[Any]:
+        jumps = reading.format.name in FORMATS
         for packet in reading.demux(_readable(reading)):
             if packet.size:
+                if jumps:
+                    self._joints.move(packet, (id(reading), packet.stream.index))
                 self._note_end(packet)
                 yield packet
 

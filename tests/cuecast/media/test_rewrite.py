@@ -21,7 +21,7 @@ from cuecast.media.film import write_film
 from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.programme import SoundFormat, has_stream, open_programme
 from receiver.media.rates import measured_bit_rate
-from receiver.media.sound import SoundDecoder, sound_blocks
+from receiver.media.sound import SoundDecoder, as_float, sound_blocks
 
 FS = 48000
 Films = Callable[[str, str, int], Path]
@@ -330,6 +330,73 @@ def broken(source: Path, target: Path, *, every: bool) -> None:
                 cut.pts, cut.dts, cut.time_base = packet.pts, packet.dts, packet.time_base
             cut.stream = copy
             out.mux(cut)
+
+
+def broadcast(path: Path, start_s: float, seconds: int = 4) -> bytes:
+    """A stream whose picture is bright, and whose sounds sound, in the last fifth of each second.
+
+    The picture is sent half a second ahead of the sound, as broadcasters do.
+    """
+    n = np.arange(seconds * FS)
+    tone = np.where(n % FS >= FS * 4 // 5, 0.3 * np.sin(0.3 * n), 0.0).astype(np.float32)
+    with av.open(str(path), "w", format="mpegts") as out:
+        picture: Any = out.add_stream("mpeg2video", rate=25)
+        picture.width = picture.height = 64
+        picture.pix_fmt = "yuv420p"
+        sounds: list[Any] = [out.add_stream(name, rate=FS) for name in ("aac", "mp2")]
+        packets = []
+        for sound in sounds:
+            sound.layout = "stereo"
+        for k in range(25 * seconds):
+            level = np.full((64, 64, 3), 200 if k % 25 >= 20 else 40, np.uint8)
+            frame = av.VideoFrame.from_ndarray(level, format="rgb24")
+            frame.pts, frame.time_base = round(25 * start_s) + k, Fraction(1, 25)
+            packets += picture.encode(frame)
+            part = np.repeat(tone[None, k * 1920 : (k + 1) * 1920], 2, 0)
+            whole = (part.T * 32767).astype(np.int16).reshape(1, -1)
+            for sound in sounds:
+                plain: Any = part if sound is sounds[0] else whole
+                block = av.AudioFrame.from_ndarray(
+                    plain, "fltp" if sound is sounds[0] else "s16", "stereo"
+                )
+                block.sample_rate, block.time_base = FS, Fraction(1, FS)
+                block.pts = round(start_s * FS) + k * 1920
+                packets += sound.encode(block)
+        for stream in (picture, *sounds):
+            packets += stream.encode(None)
+        ahead = {picture.index: Fraction(1, 2)}
+        packets.sort(key=lambda p: p.dts * p.time_base - ahead.get(p.stream.index, 0))
+        for packet in packets:
+            out.mux(packet)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [".ts", ".mkv", ".mp4"])
+@pytest.mark.parametrize("starts_s", [(0.0, 0.0, 0.0), (100.0, 5.0, 20_000.0)])
+def test_a_recording_whose_clock_jumps_goes_on_in_step(
+    starts_s: tuple[float, ...], suffix: str, tmp_path: Path
+) -> None:
+    """Copied pictures kept their stamps: nothing could be written, or sound ran off by hours."""
+    source, target = tmp_path / "in.ts", tmp_path / f"out{suffix}"
+    source.write_bytes(b"".join(broadcast(tmp_path / "one.ts", at) for at in starts_s))
+    rewrite_sound(source, target, late)
+    with av.open(str(target)) as container:
+        bright = [
+            float(f.time or 0) for f in container.decode(video=0) if f.to_ndarray()[0, 0] > 120
+        ]
+    flashes = [a for a, b in zip(bright, [0.0, *bright], strict=False) if a - b > 0.3]
+    assert len(flashes) == 12
+    for track in (0, 1):
+        with av.open(str(target)) as container:
+            loud = [
+                float(f.time or 0)
+                for f in container.decode(audio=track)
+                if np.abs(as_float(f)).max() > 0.05
+            ]
+        beeps = [a for a, b in zip(loud, [0.0, *loud], strict=False) if a - b > 0.3]
+        assert np.abs(np.subtract(flashes, beeps)).max() < 0.06
+    times = [t for _, t in pictures_of(target)]
+    assert np.diff(times).max() < 0.7
 
 
 def test_recording_that_begins_within_a_frame(make_film: Films, tmp_path: Path) -> None:
