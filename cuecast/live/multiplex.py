@@ -54,6 +54,9 @@ _LONGEST_TICK_S = 1.0
 _LONGEST_PACKET_S = 6.0
 """A greater step between the time stamps of the sound likewise, and one back by `STALE`."""
 
+_TOLD_S = 10.0
+"""Seconds between two lines on jumps: a stream can be made to jump with each packet."""
+
 READ_ON_S, MOST_HELD = 12.0, 256 << 20
 """Seconds beyond the delay, by the stream's own clock, that packets wait for marked sound at most;
 one packet can hold 4.8 s of silence, FFmpeg's of AAC (13 bytes a frame). And bytes that wait at
@@ -142,6 +145,7 @@ class Multiplex:
         self._epoch = 0
         self._under_way: list[_Slot] = []
         self._heard: int | None = None
+        self._came_s, self._told_s = 0.0, -_TOLD_S
         self._held: deque[_HeldPackets] = deque()
         self.held_bytes = 0
         self._due_s = self._stream_s = 0.0
@@ -190,6 +194,7 @@ class Multiplex:
     def take(self, data: bytes, now_s: float) -> None:
         """Take whole packets that arrived at `now_s`."""
         slots: dict[int, _Slot] = {}
+        self._came_s = now_s
         tables, sound = self._tables.pids, -1 if self._sound is None else self._sound.pid
         self.figures["packets_total"] += len(data) // PACKET
         for at in range(0, len(data), PACKET):
@@ -259,9 +264,17 @@ class Multiplex:
             return
         assert self._sound is not None
         self.end()
+        self._begin(self._sound)
+        if abs(self._came_s - self._told_s) >= _TOLD_S:
+            self._told_s = self._came_s
+            self._tell(f"sound: a jump by {step(pts, before) / TICKS_HZ:.1f} s")
+
+    def _begin(self, sound: ElementaryStream | None) -> None:
+        """Give the sound from here on a number of its own."""
         self._epoch += 1
-        self._kinds[self._epoch] = self._sound.kind
-        self._tell(f"sound: a jump by {step(pts, before) / TICKS_HZ:.1f} s")
+        self._kinds = {e: kind for e, kind in self._kinds.items() if e >= self._leaving}
+        if sound is not None:
+            self._kinds[self._epoch] = sound.kind
 
     def _share(self, pts: int | None) -> None:
         """Share the time of a PES among its packets, as the next one begins at `pts`."""
@@ -297,10 +310,7 @@ class Multiplex:
             for pes in self._reader.flush():
                 self._send("sound", self._epoch, before.kind, pes)
         self._sound, self._reader, self._chosen = sound, PesReader(), True
-        self._epoch += 1
-        if sound is not None:
-            self._kinds[self._epoch] = sound.kind
-            self._kinds[self._epoch] = sound.kind
+        self._begin(sound)
         self._under_way, self._heard = [], None
         self._tell(self._choice(programme, sound))
 

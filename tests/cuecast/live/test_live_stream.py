@@ -385,6 +385,19 @@ def test_the_sound_goes_on_where_the_clock_jumps(stream: bytes, ticks: int, earl
     assert multiplex.figures["bypass_seconds_total"] == 0
 
 
+def test_a_clock_that_always_jumps_costs_no_memory(stream: bytes) -> None:
+    told: list[str] = []
+    multiplex = Multiplex(0.5, lambda *message: None, by_stream=True, tell=told.append)
+    parts = [shifted(stream[: 400 * PACKET], 0 if n % 2 else 2_000_000) for n in range(30)]
+    out = bytearray()
+    for part in parts:
+        multiplex.take(part, 0.0)
+        out += b"".join(multiplex.give(0.0))
+    assert bytes(out) + b"".join(multiplex.rest()) == b"".join(parts)
+    assert len(told) == 2
+    assert len(multiplex._kinds) < 20
+
+
 def test_a_clock_that_stands_still_holds_no_more_than_the_limit(
     stream: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
