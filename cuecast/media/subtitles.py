@@ -208,8 +208,8 @@ def read_track(
                 float((p.duration or 0) * p.time_base),
                 bytes(p),
             )
-            for p in programme.container.demux(stream)
-            if p.size and p.pts is not None
+            for p in programme.packets()
+            if p.stream.index == track.index and p.pts is not None
         ]
         # In a transport stream the packets' clock has nothing to do with a document's.
         zero_s = 0.0 if programme.container.format.name == "mpegts" else -origin_s

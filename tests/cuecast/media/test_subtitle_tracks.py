@@ -148,6 +148,20 @@ def test_same_text_same_subtitles(tmp_path: Path, name: str, shift_s: float) -> 
     assert found == [(s.start_s, s.end_s, s.text) for s in parse_subtitles(SRT.encode())]
 
 
+def test_text_goes_on_where_the_clock_jumps(tmp_path: Path) -> None:
+    """Two recordings joined: the second one's text stood over the first one's sound."""
+    suffix, coding, packets = CARRIED["ts segments"]
+    film = make(tmp_path / f"a{suffix}", [(coding, "fra", packets)], 30.0)
+    film.write_bytes(
+        film.read_bytes() + make(tmp_path / "b.ts", [(coding, "fra", packets)]).read_bytes()
+    )
+    track = choose_track(text_tracks(film), None, "a")
+    found = [(s.start_s, s.end_s, s.text) for s in read_track(film, track)]
+    assert [text for _, _, text in found] == 2 * [text for _, _, text in LINES]
+    starts = np.array([start_s for start_s, _, _ in found]).reshape(2, -1)
+    assert np.abs(starts[1] - starts[0] - 6.0).max() < 0.1
+
+
 def test_document_in_mp4(tmp_path: Path) -> None:
     """FFmpeg's own writer of TTML makes the document here."""
     film = make(tmp_path / "a.mp4", [("ttml", "fra", each(span))])
