@@ -1,6 +1,7 @@
 """Small programmes, made once for all tests of the applications."""
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,14 @@ def pictures(seconds: float, rate: int = 25) -> list[NDArray[np.uint8]]:
         frame[:, n % 60 : n % 60 + 4] = 255
         frames.append(frame)
     return frames
+
+
+@pytest.fixture
+def hangups_end() -> Iterator[None]:
+    """Let started processes notice a terminal that closes, also where tests run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture(scope="session")

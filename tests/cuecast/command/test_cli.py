@@ -100,6 +100,7 @@ def test_debug_shows_a_trace(capsys: pytest.CaptureFixture[str], argv: list[str]
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("hangups_end")
 @pytest.mark.parametrize(
     ("number", "ignored", "status"),
     [(signal.SIGTERM, False, 130), (signal.SIGHUP, False, 130), (signal.SIGHUP, True, 0)],

@@ -234,6 +234,7 @@ def run_command(*given: str) -> "subprocess.Popen[bytes]":
     )
 
 
+@pytest.mark.usefixtures("hangups_end")
 @pytest.mark.parametrize("mode", ["--text", "--motion", "programme"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_it_gracefully_while_a_pipe_is_open(
@@ -249,7 +250,10 @@ def test_a_signal_ends_it_gracefully_while_a_pipe_is_open(
         while b"state starting" not in log:
             log += process.stderr.read1(4096) or pytest.fail(log.decode())  # type: ignore[attr-defined]
         process.send_signal(number)
-        _, rest = process.communicate(timeout=60)
+        try:
+            _, rest = process.communicate(timeout=60)
+        finally:
+            process.kill()
         assert process.returncode == 0, (log + rest).decode()
     assert b"state stopping" in rest
     assert b"Fatal" not in rest
