@@ -231,7 +231,8 @@ class Output:
         self.sent = 0
         self.ring: Ring | None = None
         if not address.startswith("udp:"):
-            self._new = None if Path(address).exists() else Path(address)
+            known = address == "-" or Path(address).exists()
+            self._new = None if known else Path(address)
             self._file = _opened(address, "wb")
             return
         parts = urlsplit(address)

@@ -39,10 +39,16 @@ class MarkedSound:
         self.came += 1
         self._waiting.append((epoch, pes))
 
-    def forget(self, epoch: int, pts: int) -> None:
-        """Leave out marked packets of this sound that come too late for `pts`."""
+    def forget(self, epoch: int, pts: int, keeps: int | None = None) -> None:
+        """Leave out marked packets that come too late for `pts`, and those of former sounds.
+
+        Those of the sound with the number `keeps` are still to go out.
+        """
         waiting = self._waiting
-        while waiting and waiting[0][0] == epoch and step(waiting[0][1].end, pts) < -STALE:
+        while waiting and waiting[0][0] != keeps:
+            number, mark = waiting[0]
+            if number > epoch or (number == epoch and step(mark.end, pts) >= -STALE):
+                return
             waiting.popleft()
             self.stale += 1
 

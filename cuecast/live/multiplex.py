@@ -54,6 +54,10 @@ _LONGEST_TICK_S = 1.0
 _LONGEST_PACKET_S = 6.0
 """A greater step between the time stamps of the sound likewise, and one back by `STALE`."""
 
+_MOST_SLOTS = 512
+"""Packets of a PES whose time is shared: one of sound has 64 KiB at most (ISO/IEC 13818-1,
+2.4.3.7), and a sound may be made that never begins another."""
+
 _TOLD_S = 10.0
 """Seconds between two lines on jumps: a stream can be made to jump with each packet."""
 
@@ -250,7 +254,8 @@ class Multiplex:
         else:
             pts = self._under_way[0].pts if self._under_way else None
         slot = _Slot(self._epoch, pts, starts)
-        self._under_way.append(slot)
+        if len(self._under_way) < _MOST_SLOTS:
+            self._under_way.append(slot)
         lost = self._reader.lost
         for pes in self._reader.process(packet):
             self._send("sound", self._epoch, self._sound.kind, pes)
@@ -428,7 +433,8 @@ class Multiplex:
 
         `follows`: marked sound goes out up to this PES.
         """
-        self._marked.forget(slot.epoch, pts)
+        rest = self._leaving if self._marking and not follows else None
+        self._marked.forget(slot.epoch, pts, rest)
         self.figures["stale_packets_total"] = self._marked.stale
         wanted = 1 if slot.end is None else (step(slot.end, pts) + 1) // 2
         if not self._marking and self.figures["bypasses_total"]:

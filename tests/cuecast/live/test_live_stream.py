@@ -398,6 +398,25 @@ def test_a_clock_that_always_jumps_costs_no_memory(stream: bytes) -> None:
     assert len(multiplex._kinds) < 20
 
 
+def test_what_cannot_go_out_is_not_kept(stream: bytes) -> None:
+    """Packets of a sound that never begins, and marked sound behind that of a former number."""
+    multiplex = Multiplex(0.5, lambda *message: None)
+    multiplex.take(stream, 0.0)
+    part = packed(SOUND_PID, 0, bytes(184), starts=False)
+    for n in range(20):
+        multiplex.take(100 * part, 1.0 + n)
+        for _ in multiplex.give(1.0 + n):
+            pass
+    assert len(multiplex._under_way) <= 512
+    sound = MarkedSound()
+    for n in range(100):
+        sound.put(1 if n < 5 else 2, MarkedPes(n * 1920, (n + 1) * 1920, b"x"))
+    sound.forget(2, 10_000_000, keeps=1)
+    assert len(sound._waiting) == 100
+    sound.forget(2, 10_000_000)
+    assert not sound._waiting
+
+
 def test_a_clock_that_stands_still_holds_no_more_than_the_limit(
     stream: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
