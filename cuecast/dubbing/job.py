@@ -175,6 +175,7 @@ def _options_of(args: argparse.Namespace) -> DubOptions:
         video_through=args.video_through,
         read_back=not args.no_read_back,
         replace=args.replace,
+        mend=args.mend,
         sign=sign,
         on_air_s=on_air_s,
     )

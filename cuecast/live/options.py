@@ -77,7 +77,7 @@ class LiveOptions:
         That of a superframe is coded with the keys of the next one.
         """
         # The marking takes long to import; only who waits for an interpreter asks here.
-        from cuecast.dubbing.dub import LEAD
+        from cuecast.dubbing.payloads import LEAD
 
         return SUPERFRAME_S * max(0, LEAD + 1 - self.stretch * self.rehearsed)
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from codec.cuer.voice import Voice
 from cuecast.dubbing.coder_stream import make_rehearsal
-from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
+from cuecast.dubbing.payloads import superframe_source
 from cuecast.live.options import LiveOptions
 from cuecast.live.pcm import MarkedPcm, PcmForm
 from cuecast.live.sound_run import Shifted

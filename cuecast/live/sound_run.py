@@ -16,8 +16,8 @@ from codec.cues.score import Score
 from codec.errors import CueError
 from cuecast.dubbing.coder_stream import FRAME_SHIFT, Breath, make_line_rehearsal, make_rehearsal
 from cuecast.dubbing.coder_stream import FS as CODER_FS
-from cuecast.dubbing.dub import superframe_source
 from cuecast.dubbing.motions import MotionSource
+from cuecast.dubbing.payloads import superframe_source
 from cuecast.live.frames import framed
 from cuecast.live.options import LiveOptions, MarkedPes, RunClock
 from cuecast.live.packets import TICKS_HZ, step, write_pes

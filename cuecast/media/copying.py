@@ -58,6 +58,17 @@ def check_held(output: Any, stream_type: str, codec: str, source: str) -> None:
         raise CueError(f"{name} cannot hold {codec}")
 
 
+def damaged_frames(kind: str, count: int) -> list[str]:
+    """Return the line that tells of damaged frames of a sound or a picture, if there are any.
+
+    Examples
+    --------
+    >>> damaged_frames("sound", 2), damaged_frames("sound", 0)
+    (['2 damaged frames of the sound'], [])
+    """
+    return [f"{count} damaged frame{'s' * (count > 1)} of the {kind}"] if count else []
+
+
 class Copies:
     """The streams of an output that are copied packet by packet.
 

@@ -21,7 +21,7 @@ from av.sidedata.sidedata import Type as SideDataType
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.copying import Copies, check_held, copy_labels, is_of_kind
+from cuecast.media.copying import Copies, check_held, copy_labels, damaged_frames, is_of_kind
 from cuecast.media.output import open_output
 from cuecast.media.svt_av1 import SVT_AV1, priorities_kept
 from cuecast.media.x264 import repeatable_options
@@ -149,6 +149,8 @@ def rewrite_picture(
                 tell(line)
             form = replace(form, bit_rate=rate)
             writer.run(list(make_stages(form)), frames, progress)
+            for line in damaged_frames("picture", decoder.damaged):
+                tell(line)
     return form
 
 

@@ -15,7 +15,7 @@ from av.container import OutputContainer
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.copying import Copies, copy_labels
+from cuecast.media.copying import Copies, copy_labels, damaged_frames
 from cuecast.media.dolby import TELLING, first_settings
 from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
 from cuecast.media.output import open_output
@@ -71,6 +71,7 @@ def rewrite_sound(
     codec: str | None = None,
     bit_rate: int | None = None,
     alone: bool = False,
+    mend: bool = False,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> Rewritten:
     """Copy the programme `source` to `target` with its sound passed through a stage.
@@ -89,20 +90,22 @@ def rewrite_sound(
         as the container usually holds them.
     alone : bool
         Write the sound only.
+    mend : bool
+        Whether damaged frames of the sound become silence.
     progress : callable
         Called with the seconds of sound that each block brought.
 
     Raises
     ------
     CueError
-        If the programme is malformed or truncated, or the output cannot be written. No output
-        is left behind then.
+        If the programme is malformed or truncated, its sound damaged and not to be mended, or the
+        output cannot be written. No output is left behind then.
     """
     if _same_file(source, target):
         raise CueError(f"{target}: the output would overwrite the programme")
     with open_programme(source, track=track) as programme, open_output(target) as container:
         wanted = codec or usual_codec(programme.format, Path(target).suffix)
-        writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone)
+        writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone, mend)
         return writer.run(stage, progress)
 
 
@@ -117,10 +120,11 @@ class _SoundWriter:
         codec: str,
         bit_rate: int | None,
         alone: bool,
+        mend: bool,
     ) -> None:
         self._programme = programme
         self._container = container
-        self._decoder = SoundDecoder(programme, strict=True)
+        self._decoder = SoundDecoder(programme, strict=not mend)
         sound = self._decoder.format
         track = list(programme.container.streams.audio).index(programme.sound)
         if not sound.bit_rate or _is_guessed(programme):
@@ -149,7 +153,7 @@ class _SoundWriter:
         stage: Stage | None = None
         for packet in self._packets():
             if packet is None or packet.stream is self._programme.sound:
-                block = self._decoder.process(packet)
+                block = self._decoded(packet)
                 if stage is None and len(block):
                     start_s = self._decoder.start_s or 0.0
                     stage = make_stage(self._decoder.format, start_s, self._target)
@@ -171,9 +175,18 @@ class _SoundWriter:
             decoder.samples / decoder.format.fs,
             decoder.start_s or 0.0,
             self._encoder.clipped,
-            tuple(self._copies.left_out),
+            tuple(self._copies.left_out + damaged_frames("sound", decoder.damaged)),
             self._changed,
         )
+
+    def _decoded(self, packet: Any) -> NDArray[np.float32]:
+        """Return the samples of a packet of the sound, or of the end."""
+        try:
+            return self._decoder.process(packet)
+        except CueError as error:
+            if not self._decoder.samples:
+                raise
+            raise CueError(f"{error}: silence in its place with --mend") from error
 
     def _packets(self) -> Iterator[Any]:
         """Yield the programme's packets, then None for the end of the sound."""

@@ -71,6 +71,12 @@ def add_dubbing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replace", action="store_true", help="write over the cuer that the programme has already"
     )
+    parser.add_argument(
+        "--mend",
+        action="store_true",
+        help="let damaged frames of the sound be silence, and tell how many there are (default: "
+        "such a programme is refused)",
+    )
     parser.add_argument("--sign", metavar="SECRET", help="sign the cues with this key: `key new`")
     add_voice(parser)
     _add_mark(parser)

@@ -3,7 +3,7 @@
 import hashlib
 import resource
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -319,13 +319,13 @@ def test_gap_in_the_sound_is_filled(make_film: Films, tmp_path: Path) -> None:
     assert not y[round(1.1 * FS) : round(1.4 * FS)].any()
 
 
-def broken(source: Path, target: Path, *, every: bool) -> None:
-    """Copy the sound with the first half of its first packet (or of each) gone."""
+def broken(source: Path, target: Path, which: Container[int]) -> None:
+    """Copy the sound with the first half of some packets gone."""
     with av.open(str(source)) as a, av.open(str(target), "w") as out:
         copy = out.add_stream_from_template(a.streams.audio[0])
         for number, packet in enumerate(p for p in a.demux(a.streams.audio[0]) if p.size):
             cut: av.Packet[Any] = packet
-            if every or not number:
+            if number in which:
                 cut = av.Packet(bytes(packet)[packet.size // 2 :])
                 cut.pts, cut.dts, cut.time_base = packet.pts, packet.dts, packet.time_base
             cut.stream = copy
@@ -401,7 +401,7 @@ def test_a_recording_whose_clock_jumps_goes_on_in_step(
 
 def test_recording_that_begins_within_a_frame(make_film: Films, tmp_path: Path) -> None:
     source, target = make_film(".mkv", "ac3", 192000), tmp_path / "cut.mkv"
-    broken(source, target, every=False)
+    broken(source, target, [0])
     x, _ = read_sound(source)
     y, _ = read_sound(target)
     assert len(x) - len(y) == 1536
@@ -409,9 +409,26 @@ def test_recording_that_begins_within_a_frame(make_film: Films, tmp_path: Path) 
 
 
 def test_sound_of_which_nothing_can_be_decoded(make_film: Films, tmp_path: Path) -> None:
-    broken(make_film(".mkv", "ac3", 192000), tmp_path / "broken.mkv", every=True)
+    broken(make_film(".mkv", "ac3", 192000), tmp_path / "broken.mkv", range(1000))
     with pytest.raises(CueError, match="none of it could be decoded"):
         read_sound(tmp_path / "broken.mkv")
+
+
+def test_damaged_frames_are_mended_if_one_asks_for_it(make_film: Films, tmp_path: Path) -> None:
+    source, damaged = make_film(".mkv", "ac3", 192000), tmp_path / "damaged.mkv"
+    broken(source, damaged, [50, 51, 80])
+    with pytest.raises(CueError, match=r"damaged sound at 1\.59 s: .*: silence in its .* --mend"):
+        rewrite_sound(damaged, tmp_path / "refused.mkv", late)
+    assert list(tmp_path.iterdir()) == [damaged]
+    written = rewrite_sound(damaged, tmp_path / "mended.wav", late, codec="pcm_s16le", mend=True)
+    assert written.left_out == ("3 damaged frames of the sound",)
+    x, _ = read_sound(source)
+    y, _ = read_sound(tmp_path / "mended.wav")
+    assert not y[50 * 1536 : 51 * 1536].any()
+    for begin, end in ((1, 49), (53, 79), (83, 120)):
+        shift = best_shift(x, y, begin * 1536, end * 1536, 0)
+        assert abs(shift) <= 24  # Matroska's times are milliseconds
+        assert correlation(x, y, begin * 1536, end * 1536, shift) > 0.99
 
 
 @pytest.mark.parametrize("suffix", [".ts", ".mkv", ".aac"])
