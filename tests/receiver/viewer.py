@@ -16,7 +16,7 @@ from receiver.live.broadcast import Broadcast, Happening
 from receiver.live.continuity import LocalTime, SteadyClock
 from receiver.live.fragments import Fragments, FragmentWriter
 from receiver.reception.events import KeysFound, MotionPiece
-from receiver.television.memory import give_back_large_blocks
+from receiver.television.memory import give_back_large_blocks, release, unchanged_ranges
 from tests.receiver.badair import VOICE, BadLine, speech
 from tests.receiver.seeded import was_sent
 
@@ -100,6 +100,7 @@ def watch(hours: float, seed: int, report: Path | None = None, *, media: bool = 
             seconds = min(float(rng.exponential(RUN_S)) + 20, 3600 * (hours - seen.hours))
             _watch_one(seen, BadLine(rng, ("aac", "mp2")[int(rng.integers(2))], seconds))
             seen.hours += seconds / 3600
+            release(unchanged_ranges("libllvmlite"))  # as the television does each second
             now, seen.peak_mb = memory_mb()
             seen.resident_mb.append(now)
             if report is not None:

@@ -24,8 +24,10 @@ def test_a_minute_of_a_bad_line() -> None:
 def test_a_day_of_a_bad_line() -> None:
     report = Path(__file__).resolve().parents[3] / "artefacts" / "line" / "day.txt"
     report.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as viewer:
-        seen = viewer.submit(partial(watch, 24.0, 4, report, media=False)).result()
+    minute, day = partial(watch, 1 / 60, 3), partial(watch, 24.0, 4, report, media=False)
+    for work in (minute, day):  # the first process compiles the kernels, and keeps the memory
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as viewer:
+            seen = viewer.submit(work).result()
     assert seen.runs > 40
     assert seen.superframes > 60_000
     assert seen.shown > 80_000
