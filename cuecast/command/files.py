@@ -16,12 +16,15 @@ from cuecast.command.errors import UsageError
 PIPE = "-"
 """Name that stands for the standard input or output."""
 
-_WRITTEN = "output", "target", "report", "plot", "markers", "markers_chart", "propose_map", "record"
+WRITTEN = (
+    "output", "target", "report", "plot", "markers", "markers_chart", "propose_map", "record",
+    "c3d", "speech", "textgrid",
+)  # fmt: skip
 """Arguments of all verbs that name a file to write."""
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse to write over a file that is read.
+    """Refuse to write over a file that is read, or twice into the same.
 
     Raises
     ------
@@ -29,7 +32,10 @@ def check_outputs(args: argparse.Namespace) -> None:
         With the file's name.
     """
     named = {name: value for name, value in vars(args).items() if name not in ("argv", "verb")}
-    written = [Path(path) for name in _WRITTEN if isinstance(path := named.pop(name, None), str)]
+    written = [Path(path) for name in WRITTEN if isinstance(path := named.pop(name, None), str)]
+    for n, one in enumerate(written):
+        if any(one == other and str(one) != PIPE for other in written[:n]):
+            raise UsageError(f"{one}: two outputs would be written there")
     for value in named.values():
         for path in value if isinstance(value, list | tuple) else [value]:
             if isinstance(path, str) and any(_same_file(path, one) for one in written):

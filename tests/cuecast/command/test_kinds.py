@@ -1,5 +1,8 @@
 """Files of the wrong kind: one line that says what they are and which verbs take them."""
 
+import argparse
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,8 @@ from scipy.io import wavfile
 
 from codec import Motion, compare_motions, decode_stream, encode_stream, load_voice, save_motion
 from codec.errors import CueError
-from cuecast.command.cli import main
+from cuecast.command.cli import VERBS, build_parser, main
+from cuecast.command.files import WRITTEN
 from cuecast.command.kinds import kind_of
 from cuecast.verbs.receive import in_words
 from synth import keys_of, motion_of
@@ -34,7 +38,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "words",
     ["synth --file a.srt -o a.srt", "playout a.srt ./a.srt", "dub a.wav --subtitles a.srt -o a.wav",
-     "receive a.wav --markers a.wav", "dub a.wav --subtitles a.srt -o b.wav --report a.srt"],
+     "receive a.wav --markers a.wav", "synth --file a.srt --align a.wav -o b.npz --c3d a.srt",
+     "keys --file a.srt --textgrid a.srt",
+     "synth --file a.srt --align a.wav -o b.npz --method units --speech a.wav",
+     "dub a.wav --subtitles a.srt -o b.wav --report a.srt"],
 )  # fmt: skip
 def test_what_is_read_is_not_written_over(
     words: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -44,6 +51,36 @@ def test_what_is_read_is_not_written_over(
     assert main(words.split()) == 2
     assert "the output would overwrite what is read" in capsys.readouterr().err
     assert [(folder / name).read_bytes() for name in ("a.srt", "a.wav")] == before
+
+
+def test_two_outputs_are_two_files(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    assert main("dub a.wav --subtitles a.srt -o b.wav --report ./b.wav".split()) == 2
+    assert "b.wav: two outputs would be written there" in capsys.readouterr().err
+    assert not (folder / "b.wav").exists()
+
+
+def options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """All of a parser and of its verbs."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for verb in action.choices.values():
+                yield from options(verb)
+
+
+def test_each_option_for_a_file_is_known_as_read_or_written() -> None:
+    """One that writes has to stand in `WRITTEN`, or it could destroy what is read."""
+    files = {
+        action.dest
+        for action in options(build_parser(VERBS))
+        if re.search(r"\.\w", str(action.metavar or ""))
+    }
+    read = {"catalogue", "first", "second", "motion", "model", "score", "stream"}
+    assert files - read <= set(WRITTEN)
+    assert read <= files
 
 
 @pytest.mark.parametrize(
