@@ -41,6 +41,10 @@ _KINDS = {
 """Containers that FFmpeg writes by a name of their own, and the name that it reads them by."""
 
 
+_WRITTEN_ANEW = {"mov", "mp4", "ipod", "matroska"}
+"""Containers in which FFmpeg writes chapters, and a time code by the picture's tag, anew."""
+
+
 def is_of_kind(output: Any, source: str) -> bool:
     """Whether an output is a container of the kind whose names, apart by commas, are `source`."""
     return _KINDS.get(output.format.name, output.format.name) in source.split(",")
@@ -100,16 +104,34 @@ class Copies:
             if stream.type == "attachment":
                 self._target.add_attachment(stream.name, stream.mimetype, stream.data)
                 return
+            same = is_of_kind(self._target, self._source)
+            if stream.type == "data" and not (same and self._target.format.name == "mpegts"):
+                self._leave_data(stream)
+                return
             context = stream.codec_context
             if context is not None:
                 codec = context.codec.canonical_name
                 check_held(self._target, stream.type, codec, self._source)
-            copy = self._target.add_stream_from_template(stream)
+            # Without a word of it PyAV copies pictures of codecs alone that FFmpeg can write, too.
+            opaque = None if _has_encoder(stream) else True
+            copy = self._target.add_stream_from_template(stream, opaque=opaque)
+            if same and context is not None:
+                copy.codec_context.codec_tag = context.codec_tag
+            if stream.type == "video" and stream.average_rate:  # a time code counts by it
+                copy.codec_context.framerate = stream.average_rate
         except (CueError, av.FFmpegError, ValueError, TypeError) as error:
             self.left_out.append(f"stream {stream.index} ({stream.type}): {reason(error)}")
             return
         self._copies[stream.index] = copy
         copy_labels(stream, copy)
+
+    def _leave_data(self, stream: Any) -> None:
+        """Pass over data that FFmpeg cannot write, and say which, but for what it writes anew."""
+        timed = "timecode" in stream.metadata
+        anew = timed or (stream.name and self._target.chapters())
+        if not (anew and self._target.format.name in _WRITTEN_ANEW):
+            name = "time code" if timed else stream.name or "unknown"
+            self.left_out.append(f"stream {stream.index} (data): {name}")
 
     def write(self, packet: Any) -> None:
         """Write a packet of a stream that is copied; others are passed over."""
@@ -142,6 +164,14 @@ class Copies:
             packet.pts = None if packet.pts is None else max(packet.pts, packet.dts)
         self._written[packet.stream.index] = packet.dts
         return True
+
+
+def _has_encoder(stream: Any) -> bool:
+    """Whether FFmpeg can write the codec of a stream, and not only copy it."""
+    try:
+        return bool(av.Codec(stream.codec_context.name, "w"))
+    except (AttributeError, av.FFmpegError, ValueError):
+        return False
 
 
 def copy_labels(source: Any, target: Any) -> None:

@@ -414,6 +414,78 @@ def test_sound_of_which_nothing_can_be_decoded(make_film: Films, tmp_path: Path)
         read_sound(tmp_path / "broken.mkv")
 
 
+def with_pictures(path: Path, add: Callable[[Any], Any]) -> None:
+    """Write four seconds of noise beside pictures that `add` gives a stream and packets of."""
+    noise = np.random.default_rng(0).normal(0, 3000, (1, 8 * FS)).astype(np.int16)
+    with av.open(str(path), "w") as out:
+        sound: Any = out.add_stream("pcm_s16le", rate=FS)
+        sound.layout = "stereo"
+        for packet in add(out):
+            out.mux(packet)
+        block = av.AudioFrame.from_ndarray(noise, "s16", "stereo")
+        block.sample_rate = FS
+        out.mux(sound.encode(block) + sound.encode(None))
+
+
+def timed(out: Any) -> list[Any]:
+    """Give pictures with a time code and two chapters."""
+    picture = out.add_stream("mpeg2video", rate=25)
+    picture.width = picture.height = 64
+    picture.pix_fmt = "yuv420p"
+    picture.metadata["timecode"] = "10:00:00:00"
+    unit = {"time_base": Fraction(1, 1)}
+    out.set_chapters(
+        [{"id": n, "start": 2 * n, "end": 2 * n + 2, "metadata": {"title": name}, **unit}
+         for n, name in enumerate(("un", "deux"))]
+    )  # fmt: skip
+    packets = []
+    for n in range(100):
+        frame = av.VideoFrame.from_ndarray(np.full((64, 64), n, np.uint8), format="gray")
+        frame = frame.reformat(format="yuv420p")
+        frame.pts, frame.time_base = n, Fraction(1, 25)
+        packets += picture.encode(frame)
+    return [*packets, *picture.encode(None)]
+
+
+@pytest.mark.parametrize("suffix", [".mov", ".mkv", ".ts"])
+def test_time_code_and_chapters_are_kept_where_a_container_has_them(
+    tmp_path: Path, suffix: str
+) -> None:
+    """They are tracks of data in QuickTime, which FFmpeg reads and cannot copy."""
+    source, target = tmp_path / "source.mov", tmp_path / f"target{suffix}"
+    with_pictures(source, timed)
+    with av.open(str(source)) as film:
+        assert len(film.streams.data) == 2
+    written = rewrite_sound(source, target, late, codec="mp2")
+    tracks = ("stream 2 (data): bin_data", "stream 3 (data): time code")
+    assert written.left_out == (tracks if suffix == ".ts" else ())
+    with av.open(str(target)) as film:
+        if suffix != ".ts":
+            tags = {name.lower(): value for name, value in film.streams.video[0].metadata.items()}
+            assert tags["timecode"] == "10:00:00:00"
+            assert [one["metadata"]["title"] for one in film.chapters()] == ["un", "deux"]
+        assert len(film.streams.data) == (2 if suffix == ".mov" else 0)
+
+
+def unwritable(out: Any) -> list[Any]:
+    """Give pictures in a codec that FFmpeg can decode and not write."""
+    picture = out.add_mux_stream("svq3", rate=25, width=320, height=240)
+    picture.time_base = Fraction(1, 25)
+    packets = [av.Packet(bytes([n]) * 300) for n in range(100)]
+    for n, packet in enumerate(packets):
+        packet.pts = packet.dts = n
+        packet.time_base, packet.stream = Fraction(1, 25), picture
+    return packets
+
+
+def test_pictures_that_nobody_can_write_are_copied(tmp_path: Path) -> None:
+    source, target = tmp_path / "source.mov", tmp_path / "target.mov"
+    with_pictures(source, unwritable)
+    assert rewrite_sound(source, target, late).left_out == ()
+    assert packets_of(target, "video") == packets_of(source, "video")
+    assert len(packets_of(target, "video")) == 100
+
+
 def test_damaged_frames_are_mended_if_one_asks_for_it(make_film: Films, tmp_path: Path) -> None:
     source, damaged = make_film(".mkv", "ac3", 192000), tmp_path / "damaged.mkv"
     broken(source, damaged, [50, 51, 80])
