@@ -29,7 +29,7 @@ from cuecast.dubbing.read_back import shortfalls
 from cuecast.dubbing.readability import in_words as readability_in_words
 from cuecast.dubbing.readability import watched, watched_plan
 from cuecast.media.subtitles import choose_track, read_track, text_tracks
-from receiver.media.programme import open_programme
+from receiver.media.programme import Programme, open_programme
 from synth.language.subtitles import Subtitle
 from synth.language.subtitles.read import Terms
 from synth.planning.prosody.pace_report import PaceReport
@@ -123,12 +123,14 @@ def run_job(job: DubJob) -> dict[str, Any]:
     """
     options = job.options
     duration_s = None
+    notes: list[str] = []
     if "audio" in options.carriers:
         with open_programme(job.programme, track=options.track) as programme:
             duration_s = programme.duration_s
+            if programme.format.channels == 1:
+                notes += _single_channels(programme, options.track)
     voice = coding_voice(job.voice)
     said: dict[str, Any] = {}
-    notes: list[str] = []
     motion: MotionSource
     if job.motion is not None:
         motion = GivenMotion(load_motion(job.motion), voice)
@@ -143,6 +145,18 @@ def run_job(job: DubJob) -> dict[str, Any]:
         note(line)
     _tell(report)
     return report
+
+
+def _single_channels(programme: Programme, track: int) -> list[str]:
+    """Return a warning if a sound may be half of a stereo one, as in masters."""
+    others = [one.codec_context for one in programme.container.streams.audio]
+    count = sum(one is not None and one.layout.nb_channels == 1 for one in others)
+    if count == 1:
+        return []
+    return [
+        f"warning: {count} tracks of one channel each: track {track} alone is marked, and stereo "
+        "made of two loses much of that: join them before, split them after"
+    ]
 
 
 def _options_of(args: argparse.Namespace) -> DubOptions:

@@ -42,7 +42,7 @@ _KINDS = {
 
 
 _WRITTEN_ANEW = {"mov", "mp4", "ipod", "matroska"}
-"""Containers in which FFmpeg writes chapters, and a time code by the picture's tag, anew."""
+"""Containers that get chapters, and a time code by the picture's tag, from FFmpeg anew."""
 
 
 def is_of_kind(output: Any, source: str) -> bool:
@@ -126,7 +126,7 @@ class Copies:
         copy_labels(stream, copy)
 
     def _leave_data(self, stream: Any) -> None:
-        """Pass over data that FFmpeg cannot write, and say which, but for what it writes anew."""
+        """Pass over data that FFmpeg cannot copy, and tell of it unless FFmpeg writes it anew."""
         timed = "timecode" in stream.metadata
         anew = timed or (stream.name and self._target.chapters())
         if not (anew and self._target.format.name in _WRITTEN_ANEW):

@@ -33,6 +33,12 @@ waits longer than a second in a decoder (ISO/IEC 13818-1, 2.4.2.6)."""
 _MOST_HELD = 4096
 """Packets of a possible successor that are kept: a second of any sound or picture has fewer."""
 
+_USUAL_LAYOUTS = {
+    f"{n} channels": name
+    for n, name in enumerate(("mono", "stereo", "2.1", "4.0", "5.0", "5.1"), start=1)
+}
+"""FFmpeg's own arrangement of as many channels, by its name where a container states none (MXF)."""
+
 LENIENT: dict[str, Any] = (
     {"metadata_errors": "ignore"} if int(av.__version__.partition(".")[0]) < 19 else {}
 )
@@ -149,7 +155,7 @@ class Programme:
             context.name,
             fs,
             channels,
-            context.layout.name,
+            _USUAL_LAYOUTS.get(context.layout.name, context.layout.name),
             context.format.name,
             int(context.bit_rate or 0),
         )

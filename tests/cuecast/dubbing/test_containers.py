@@ -2,11 +2,13 @@
 
 import json
 import re
+from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 import pytest
 
 from cuecast.command.cli import main
@@ -133,3 +135,31 @@ def test_kinds_of_containers(tmp_path: Path, suffix: str, source: str, same: boo
     """Between containers of a kind nothing is lost on the way."""
     with av.open(str(tmp_path / f"a{suffix}"), "w") as output:
         assert is_of_kind(output, source) is same
+
+
+def test_one_of_several_channels_in_tracks_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As masters have them: of a stereo sound half the mark would be missing."""
+    source, target = tmp_path / "a.mxf", tmp_path / "b.mxf"
+    samples: Any = np.int16(20_000 * make_sound()[0][: SECONDS * FS])
+    with av.open(str(source), "w") as out:
+        picture: Any = out.add_stream("mpeg2video", rate=25)
+        picture.width, picture.height, picture.pix_fmt = 320, 180, "yuv420p"
+        sounds: list[Any] = [out.add_stream("pcm_s16le", rate=FS) for _ in samples.T]
+        for sound in sounds:
+            sound.layout = "mono"
+        for n in range(25 * SECONDS):
+            frame = av.VideoFrame(320, 180, "yuv420p")
+            frame.pts, frame.time_base = n, Fraction(1, 25)
+            out.mux(picture.encode(frame))
+        out.mux(picture.encode(None))
+        for sound, channel in zip(sounds, samples.T, strict=True):
+            block = av.AudioFrame.from_ndarray(channel[None].copy(), "s16", "mono")
+            block.sample_rate = FS
+            out.mux(sound.encode(block) + sound.encode(None))
+    subtitles = tmp_path / "a.srt"
+    subtitles.write_text(TEXT, encoding="utf-8")
+    given = ["--subtitles", str(subtitles), "-o", str(target), "--no-grade", "--track", "1"]
+    assert main(["dub", str(source), *given]) == 0
+    assert "warning: 2 tracks of one channel each: track 1 alone" in capsys.readouterr().err

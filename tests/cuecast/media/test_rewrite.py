@@ -414,15 +414,17 @@ def test_sound_of_which_nothing_can_be_decoded(make_film: Films, tmp_path: Path)
         read_sound(tmp_path / "broken.mkv")
 
 
-def with_pictures(path: Path, add: Callable[[Any], Any]) -> None:
+def with_pictures(path: Path, add: Callable[[Any], Any], layout: str = "stereo") -> None:
     """Write four seconds of noise beside pictures that `add` gives a stream and packets of."""
-    noise = np.random.default_rng(0).normal(0, 3000, (1, 8 * FS)).astype(np.int16)
+    channels = 2 if layout == "stereo" else 1
+    noise = np.random.default_rng(0).normal(0, 3000, (1, 4 * channels * FS)).astype(np.int16)
     with av.open(str(path), "w") as out:
+        packets = add(out)
         sound: Any = out.add_stream("pcm_s16le", rate=FS)
-        sound.layout = "stereo"
-        for packet in add(out):
+        sound.layout = layout
+        for packet in packets:
             out.mux(packet)
-        block = av.AudioFrame.from_ndarray(noise, "s16", "stereo")
+        block = av.AudioFrame.from_ndarray(noise, "s16", layout)
         block.sample_rate = FS
         out.mux(sound.encode(block) + sound.encode(None))
 
@@ -484,6 +486,17 @@ def test_pictures_that_nobody_can_write_are_copied(tmp_path: Path) -> None:
     assert rewrite_sound(source, target, late).left_out == ()
     assert packets_of(target, "video") == packets_of(source, "video")
     assert len(packets_of(target, "video")) == 100
+
+
+def test_channels_without_a_place_get_the_usual_one(tmp_path: Path) -> None:
+    """MXF does not say that a single channel is the middle one, and AAC has to know."""
+    source, target = tmp_path / "source.mxf", tmp_path / "target.mp4"
+    with_pictures(source, timed, "mono")
+    with av.open(str(source)) as film:
+        assert film.streams.audio[0].layout.name == "1 channels"
+    rewrite_sound(source, target, lambda *_: Unchanged(), codec="aac")
+    with av.open(str(target)) as film:
+        assert film.streams.audio[0].layout.name == "mono"
 
 
 def test_damaged_frames_are_mended_if_one_asks_for_it(make_film: Films, tmp_path: Path) -> None:
