@@ -108,6 +108,8 @@ class Copies:
             if stream.type == "data" and not (same and self._target.format.name == "mpegts"):
                 self._leave_data(stream)
                 return
+            if stream.disposition & Disposition.attached_pic and self._target.format.name == "mov":
+                raise CueError("mov cannot hold a cover")  # FFmpeg passes over it without a word
             context = stream.codec_context
             if context is not None:
                 codec = context.codec.canonical_name

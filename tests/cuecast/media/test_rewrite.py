@@ -185,6 +185,9 @@ def test_a_cover_is_no_picture_and_is_copied(tmp_path: Path, suffix: str, encode
             assert stream.disposition == Disposition.attached_pic
             covers.append(next(bytes(p) for p in container.demux(stream) if p.size))
     assert covers[0] == covers[1]
+    if suffix == ".mp4":
+        told = rewrite_sound(source, tmp_path / "c.mov", lambda *_: Unchanged()).left_out
+        assert told == ("stream 1 (video): mov cannot hold a cover",)
 
 
 def add_tracks(film: Path, target: Path) -> None:
