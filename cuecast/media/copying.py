@@ -45,6 +45,20 @@ _WRITTEN_ANEW = {"mov", "mp4", "ipod", "matroska"}
 """Containers that get chapters, and a time code by the picture's tag, from FFmpeg anew."""
 
 
+_BROADCAST_WAVE = {
+    "description": "comment",
+    "originator": "encoded_by",
+    "origination_date": "date",
+    "origination_time": "creation_time",
+}
+"""Fields of a broadcast wave (EBU Tech 3285), and the names under which FFmpeg reads them."""
+
+
+def wave_options(source: Any) -> dict[str, str]:
+    """Options with which FFmpeg writes the chunk of a broadcast wave, if the source is one."""
+    return {"write_bext": "1"} if "time_reference" in source.metadata else {}
+
+
 def is_of_kind(output: Any, source: str) -> bool:
     """Whether an output is a container of the kind whose names, apart by commas, are `source`."""
     return _KINDS.get(output.format.name, output.format.name) in source.split(",")
@@ -93,6 +107,9 @@ class Copies:
         self._written: dict[int, int] = {}
         self.left_out: list[str] = []
         copy_tags(source.metadata, target.metadata)
+        if target.format.name == "wav" and wave_options(source):
+            for field, name in _BROADCAST_WAVE.items():
+                target.metadata[field] = source.metadata.get(name, "")
         if source.chapters():
             target.set_chapters(source.chapters())
         # Like other remuxers: the new container starts at zero; differences stay exact.

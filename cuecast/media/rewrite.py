@@ -6,6 +6,7 @@ the one sound is decoded, changed by a stage and encoded again.
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +16,7 @@ from av.container import OutputContainer
 from numpy.typing import NDArray
 
 from codec.errors import CueError
-from cuecast.media.copying import Copies, copy_labels, damaged_frames
+from cuecast.media.copying import Copies, copy_labels, damaged_frames, wave_options
 from cuecast.media.dolby import TELLING, first_settings
 from cuecast.media.encode import SoundEncoder, SoundTarget, choose_target, encoder_of, usual_codec
 from cuecast.media.output import open_output
@@ -103,8 +104,12 @@ def rewrite_sound(
     """
     if _same_file(source, target):
         raise CueError(f"{target}: the output would overwrite the programme")
-    with open_programme(source, track=track) as programme, open_output(target) as container:
-        wanted = codec or usual_codec(programme.format, Path(target).suffix)
+    suffix = Path(target).suffix
+    with ExitStack() as opened:
+        programme = opened.enter_context(open_programme(source, track=track))
+        options = wave_options(programme.container) if suffix.lower() == ".wav" else {}
+        container = opened.enter_context(open_output(target, options))
+        wanted = codec or usual_codec(programme.format, suffix)
         writer = _SoundWriter(programme, container, source, wanted, bit_rate, alone, mend)
         return writer.run(stage, progress)
 

@@ -502,6 +502,26 @@ def test_channels_without_a_place_get_the_usual_one(tmp_path: Path) -> None:
         assert film.streams.audio[0].layout.name == "mono"
 
 
+def test_a_broadcast_wave_keeps_its_place_in_time(tmp_path: Path) -> None:
+    source, target = tmp_path / "source.wav", tmp_path / "target.wav"
+    fields = {"description": "Essai", "originator": "Régie", "origination_date": "2026-11-01"}
+    with av.open(str(source), "w", container_options={"write_bext": "1"}) as out:
+        sound: Any = out.add_stream("pcm_s24le", rate=FS)
+        sound.layout = "mono"
+        out.metadata.update(fields | {"time_reference": str(36_000 * FS)})
+        block = av.AudioFrame.from_ndarray(np.ones((1, FS), np.int32), "s32", "mono")
+        block.sample_rate = FS
+        out.mux(sound.encode(block) + sound.encode(None))
+    rewrite_sound(source, target, lambda *_: Unchanged())
+    chunks = []
+    for path in (source, target):
+        data = path.read_bytes()
+        at = data.index(b"bext") + 8
+        chunks.append(data[at : at + 602])
+    assert chunks[0] == chunks[1]
+    assert int.from_bytes(chunks[1][338:346], "little") == 36_000 * FS
+
+
 def test_damaged_frames_are_mended_if_one_asks_for_it(make_film: Films, tmp_path: Path) -> None:
     source, damaged = make_film(".mkv", "ac3", 192000), tmp_path / "damaged.mkv"
     broken(source, damaged, [50, 51, 80])
