@@ -45,6 +45,10 @@ _WRITTEN_ANEW = {"mov", "mp4", "ipod", "matroska"}
 """Containers that get chapters, and a time code by the picture's tag, from FFmpeg anew."""
 
 
+_KEPT_NAMES = {"hvc1", "apco", "apcs", "apcn", "apch", "ap4h", "ap4x"}
+"""Names of codecs in QuickTime and MP4 that FFmpeg replaces by others unless it is told: the one of
+HEVC that Apple's players know, and the kinds of ProRes."""
+
 _BROADCAST_WAVE = {
     "description": "comment",
     "originator": "encoded_by",
@@ -134,7 +138,7 @@ class Copies:
             # Without a word of it PyAV copies pictures of codecs alone that FFmpeg can write, too.
             opaque = None if _has_encoder(stream) else True
             copy = self._target.add_stream_from_template(stream, opaque=opaque)
-            if same and context is not None:
+            if same and context is not None and context.codec_tag in _KEPT_NAMES:
                 copy.codec_context.codec_tag = context.codec_tag
             if stream.type == "video" and stream.average_rate:  # a time code counts by it
                 copy.codec_context.framerate = stream.average_rate

@@ -219,6 +219,8 @@ class _PictureWriter:
         if self._encoder.codec.name == SVT_AV1:
             limits = {"svtav1-params": "lp=1"}
         if self._encoder.codec.name == "libx265":
+            if self._output.format.name in ("mp4", "mov"):
+                context.codec_tag = "hvc1"  # Apple's players refuse the other name, FFmpeg's own
             kilobits = bit_rate // 1000
             limits = {
                 "x265-params": f"vbv-maxrate={kilobits}:vbv-bufsize={kilobits}:log-level=none:"

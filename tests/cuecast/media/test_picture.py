@@ -11,6 +11,7 @@ import pytest
 
 from codec.errors import CueError
 from cuecast.media.picture import rewrite_picture
+from cuecast.media.rewrite import Unchanged, rewrite_sound
 from receiver.media.picture import PictureFormat, picture_format, read_lumas, steady_rate
 from watermark.a335.carrier import A335Embedder, A335Receiver
 from watermark.a335.profile import PROFILES as A335_PROFILES
@@ -124,6 +125,24 @@ def test_same_picture_same_bits(tmp_path: Path, codec: str) -> None:
     assert written[0][0]
     # Matroska would give each file random numbers.
     assert written[0] == written[1] == written[2]
+
+
+def kind(path: Path) -> str:
+    """Four letters by which players know the picture's codec."""
+    with av.open(str(path)) as container:
+        return str(container.streams.video[0].codec_context.codec_tag)
+
+
+def test_hevc_has_the_name_that_all_players_know(tmp_path: Path) -> None:
+    programme, coded, copied = (tmp_path / f"{name}.mp4" for name in "abc")
+    write_programme(tmp_path / "in.mkv")
+    rewrite_picture(tmp_path / "in.mkv", programme, lambda _: [], codec="hevc", duration_s=1.0)
+    assert kind(programme) == "hvc1"
+    rewrite_picture(programme, coded, lambda _: [])
+    assert kind(coded) == "hvc1"
+    rewrite_sound(programme, copied, lambda *_: Unchanged())
+    assert kind(copied) == "hvc1"
+    assert packets_of_picture(copied) == packets_of_picture(programme)
 
 
 @pytest.mark.parametrize("bit_rate", [None, 60_000])
