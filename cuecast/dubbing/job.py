@@ -149,8 +149,13 @@ def run_job(job: DubJob) -> dict[str, Any]:
 
 def _single_channels(programme: Programme, track: int) -> list[str]:
     """Return a warning if a sound may be half of a stereo one, as in masters."""
-    others = [one.codec_context for one in programme.container.streams.audio]
-    count = sum(one is not None and one.layout.nb_channels == 1 for one in others)
+    language = programme.sound.metadata.get("language")
+    count = sum(
+        sound.codec_context is not None
+        and sound.codec_context.layout.nb_channels == 1
+        and sound.metadata.get("language") == language
+        for sound in programme.container.streams.audio
+    )
     if count == 1:
         return []
     return [

@@ -135,7 +135,7 @@ class Copies:
             if context is not None:
                 codec = context.codec.canonical_name
                 check_held(self._target, stream.type, codec, self._source)
-            # Without a word of it PyAV copies pictures of codecs alone that FFmpeg can write, too.
+            # By itself PyAV copies pictures only in codecs that FFmpeg can also write.
             opaque = None if _has_encoder(stream) else True
             copy = self._target.add_stream_from_template(stream, opaque=opaque)
             if same and context is not None and context.codec_tag in _KEPT_NAMES:
@@ -151,7 +151,7 @@ class Copies:
     def _leave_data(self, stream: Any) -> None:
         """Pass over data that FFmpeg cannot copy, and tell of it unless FFmpeg writes it anew."""
         timed = "timecode" in stream.metadata
-        anew = timed or (stream.name and self._target.chapters())
+        anew = timed or (stream.name == "bin_data" and self._target.chapters())
         if not (anew and self._target.format.name in _WRITTEN_ANEW):
             name = "time code" if timed else stream.name or "unknown"
             self.left_out.append(f"stream {stream.index} (data): {name}")

@@ -219,7 +219,7 @@ class _PictureWriter:
         if self._encoder.codec.name == SVT_AV1:
             limits = {"svtav1-params": "lp=1"}
         if self._encoder.codec.name == "libx265":
-            if self._output.format.name in ("mp4", "mov"):
+            if self._output.format.name in ("mp4", "mov", "ipod"):
                 context.codec_tag = "hvc1"  # Apple's players refuse the other name, FFmpeg's own
             kilobits = bit_rate // 1000
             limits = {

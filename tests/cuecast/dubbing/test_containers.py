@@ -137,18 +137,26 @@ def test_kinds_of_containers(tmp_path: Path, suffix: str, source: str, same: boo
         assert is_of_kind(output, source) is same
 
 
+@pytest.mark.parametrize(
+    ("suffix", "languages", "warned"), [(".mxf", ("", ""), True), (".mov", ("fra", "eng"), False)]
+)
 def test_one_of_several_channels_in_tracks_of_their_own(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    suffix: str,
+    languages: tuple[str, str],
+    warned: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """As masters have them: of a stereo sound half the mark would be missing."""
-    source, target = tmp_path / "a.mxf", tmp_path / "b.mxf"
+    source, target = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
     samples: Any = np.int16(20_000 * make_sound()[0][: SECONDS * FS])
     with av.open(str(source), "w") as out:
         picture: Any = out.add_stream("mpeg2video", rate=25)
         picture.width, picture.height, picture.pix_fmt = 320, 180, "yuv420p"
         sounds: list[Any] = [out.add_stream("pcm_s16le", rate=FS) for _ in samples.T]
-        for sound in sounds:
+        for sound, language in zip(sounds, languages, strict=True):
             sound.layout = "mono"
+            sound.metadata.update({"language": language} if language else {})
         for n in range(25 * SECONDS):
             frame = av.VideoFrame(320, 180, "yuv420p")
             frame.pts, frame.time_base = n, Fraction(1, 25)
@@ -162,4 +170,5 @@ def test_one_of_several_channels_in_tracks_of_their_own(
     subtitles.write_text(TEXT, encoding="utf-8")
     given = ["--subtitles", str(subtitles), "-o", str(target), "--no-grade", "--track", "1"]
     assert main(["dub", str(source), *given]) == 0
-    assert "warning: 2 tracks of one channel each: track 1 alone" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert ("warning: 2 tracks of one channel each: track 1 alone" in told) == warned
